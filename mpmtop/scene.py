@@ -1,0 +1,200 @@
+"""Scene: what is analysed and optimised, free of any discretisation.
+
+Both solvers read the same `Scene`; how it is cut into grid cells, material points or finite elements is theirs.
+Lengths, forces and moduli are in any consistent units, so compliance comes in force^2 / modulus (per unit thickness).
+"""
+
+from dataclasses import dataclass, field
+from typing import Literal, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+Index = npt.NDArray[np.intp]
+Mask = npt.NDArray[np.bool_]
+
+
+class InvalidScene(ValueError):
+    """A number of the scene is outside its admissible range; the message says which and what to change."""
+
+
+class EmptyDomain(InvalidScene):
+    """The domain holds no area, or no material point."""
+
+
+class LoadOutsideBody(InvalidScene):
+    """A load acts where there is no material."""
+
+
+class UnsupportedBody(ValueError):
+    """The supports leave the body, or a part of it, free to move: the stiffness is singular."""
+
+
+class PointOutsideGrid(ValueError):
+    """A material point, or its domain, leaves the background grid."""
+
+
+class NotConverged(RuntimeError):
+    """An iteration ended before it met its tolerance."""
+
+
+class Region(Protocol):
+    """A part of the plane: `bounds` is its bounding box, `contains` tells which positions lie in it."""
+
+    @property
+    def bounds(self) -> tuple[Array, Array]:
+        """Lower and upper corner, each (2,)."""
+        ...
+
+    def contains(self, x: Array, tol: float = 0.0) -> Mask:
+        """Which of the positions x (n, 2) lie in the region grown by `tol`: (n,)."""
+        ...
+
+
+@dataclass(frozen=True)
+class Rectangle:
+    """Axis-aligned closed rectangle; a side may be infinite, which makes it a half-plane or a strip."""
+
+    lower: tuple[float, float]
+    upper: tuple[float, float]
+
+    def __post_init__(self) -> None:
+        sides = np.subtract(self.upper, self.lower)
+        if not np.all(sides >= 0):  # also catches NaN
+            raise InvalidScene(f"rectangle {self.lower} to {self.upper}: make every upper bound at least its lower one")
+
+    @property
+    def bounds(self) -> tuple[Array, Array]:
+        """Lower and upper corner, each (2,)."""
+        return np.array(self.lower, float), np.array(self.upper, float)
+
+    def contains(self, x: Array, tol: float = 0.0) -> Mask:
+        """Which of the positions x (n, 2) lie in the rectangle grown by `tol`: (n,)."""
+        lower, upper = self.bounds
+        return np.all((x >= lower - tol) & (x <= upper + tol), axis=1)
+
+
+@dataclass(frozen=True)
+class Material:
+    """Isotropic linear elasticity: Young's modulus E0 of the solid, Poisson's ratio, plane strain or plane stress."""
+
+    young: float = 1.0
+    poisson: float = 0.3
+    plane: Literal["strain", "stress"] = "strain"
+
+    def __post_init__(self) -> None:
+        if not 0 < self.young < np.inf:
+            raise InvalidScene(f"Young's modulus {self.young}: give a positive, finite number")
+        if not -1 < self.poisson < 0.5:
+            raise InvalidScene(f"Poisson's ratio {self.poisson}: give a number above -1 and below 0.5")
+        if self.plane not in ("strain", "stress"):
+            raise InvalidScene(f"plane {self.plane!r}: say 'strain' or 'stress'")
+
+
+@dataclass(frozen=True)
+class Support:
+    """Every node in `region` is held in the components marked in `fixed` (x, y)."""
+
+    region: Region
+    fixed: tuple[bool, bool] = (True, True)
+
+
+@dataclass(frozen=True)
+class PointLoad:
+    """Force (2,) at `position`, shared equally by the `points` material points nearest to it (0: by no point, but
+    applied at the position itself through the shape functions there)."""
+
+    position: tuple[float, float]
+    force: tuple[float, float]
+    points: int = 6
+
+    def __post_init__(self) -> None:
+        if not np.all(np.isfinite([*self.position, *self.force])):
+            raise InvalidScene(f"point load {self.force} at {self.position}: give finite numbers")
+        if self.points < 0:
+            raise InvalidScene(f"point load shared by {self.points} points: give 0 or more")
+
+    def act(self, x: Array, tol: float) -> tuple[Array, Array]:
+        """Positions (n, 2) and forces (n, 2) through which the load acts on a body with points (or elements) at x (p, 2).
+
+        Points at one distance, to `tol`, are taken in the order of x, then y, so that rounding cannot change the choice.
+        """
+        if self.points == 0:
+            return np.array([self.position]), np.array([self.force])
+        if self.points > len(x):
+            raise LoadOutsideBody(
+                f"point load at {self.position} asks for {self.points} points and the body has {len(x)}: lower `points`"
+            )
+        distance = np.hypot(*(x - self.position).T)
+        nearest = np.lexsort((x[:, 1], x[:, 0], np.round(distance / tol)))[: self.points]
+        return x[nearest], np.tile(np.divide(self.force, self.points), (self.points, 1))
+
+
+@dataclass(frozen=True)
+class RegionLoad:
+    """Force (2,) shared equally by all material points in `region`."""
+
+    region: Region
+    force: tuple[float, float]
+
+    def __post_init__(self) -> None:
+        if not np.all(np.isfinite(self.force)):
+            raise InvalidScene(f"region load {self.force}: give finite numbers")
+
+    def act(self, x: Array, tol: float) -> tuple[Array, Array]:
+        """Positions (n, 2) and forces (n, 2) through which the load acts on a body with points (or elements) at x (p, 2)."""
+        inside = self.region.contains(x, tol)
+        n = np.count_nonzero(inside)
+        if n == 0:
+            raise LoadOutsideBody("the region of a load holds no material point: enlarge it or move it onto the body")
+        return x[inside], np.tile(np.divide(self.force, n), (n, 1))
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Minimise compliance over the densities rho of the domain, at most `volume_fraction` of it solid (Eq. 8).
+
+    The stiffness law is Eq. (10), E = E0 (contrast + rho^penal (1 - contrast)) with contrast = E_min / E0; densities
+    are those of the design after a density filter of radius `filter_radius` [length]; rho_min <= design <= 1.
+    """
+
+    name: str
+    domain: Region
+    supports: tuple[Support, ...]
+    loads: tuple[PointLoad | RegionLoad, ...]
+    filter_radius: float
+    material: Material = field(default_factory=Material)
+    volume_fraction: float = 0.4
+    penal: float = 3.0
+    contrast: float = 1e-9
+    rho_min: float = 1e-3
+
+    def __post_init__(self) -> None:
+        lower, upper = self.domain.bounds
+        if not (np.all(np.isfinite([lower, upper])) and np.all(upper > lower)):
+            raise EmptyDomain(f"domain of {self.name!r} spans {lower} to {upper}: give it a finite, positive area")
+        if not self.supports:
+            raise UnsupportedBody(f"{self.name!r} has no support: add one")
+        if not self.loads:
+            raise InvalidScene(f"{self.name!r} has no load: add one")
+        tol = 1e-9 * float(np.max(upper - lower))
+        for load in self.loads:
+            if isinstance(load, PointLoad) and not self.domain.contains(np.array([load.position]), tol)[0]:
+                raise LoadOutsideBody(f"load at {load.position} is outside the domain: move it into {lower} to {upper}")
+        if not 0 < self.volume_fraction <= 1:
+            raise InvalidScene(f"volume fraction {self.volume_fraction}: give a number above 0 and at most 1")
+        if not 0 < self.filter_radius < np.inf:
+            raise InvalidScene(
+                f"filter radius {self.filter_radius}: give a positive length (below one point spacing it filters nothing)"
+            )
+        if not 0 <= self.rho_min < 1:
+            raise InvalidScene(f"rho_min {self.rho_min}: give a number from 0 to below 1")
+        if self.rho_min > self.volume_fraction:
+            raise InvalidScene(
+                f"rho_min {self.rho_min} exceeds the volume fraction {self.volume_fraction}: no design is feasible"
+            )
+        if not 0 <= self.contrast < 1:
+            raise InvalidScene(f"modulus contrast {self.contrast}: give a number from 0 to below 1")
+        if not 1 <= self.penal < np.inf:
+            raise InvalidScene(f"penalty {self.penal}: give a finite number of at least 1")
