@@ -115,19 +115,23 @@ class PointLoad:
         if self.points < 0:
             raise InvalidScene(f"point load shared by {self.points} points: give 0 or more")
 
-    def act(self, x: Array, tol: float) -> tuple[Array, Array]:
-        """Positions (n, 2) and forces (n, 2) through which the load acts on a body with points (or elements) at x (p, 2).
+    def carriers(self, x: Array, tol: float) -> Index:
+        """Indices of the points at x (p, 2) that share the load.
 
-        Points at one distance, to `tol`, are taken in the order of x, then y, so that rounding cannot change the choice.
+        Points at one distance, to `tol`, are taken in the order of x, then y: rounding cannot change the choice.
         """
-        if self.points == 0:
-            return np.array([self.position]), np.array([self.force])
         if self.points > len(x):
             raise LoadOutsideBody(
                 f"point load at {self.position} asks for {self.points} points and the body has {len(x)}: lower `points`"
             )
         distance = np.hypot(*(x - self.position).T)
-        nearest = np.lexsort((x[:, 1], x[:, 0], np.round(distance / tol)))[: self.points]
+        return np.lexsort((x[:, 1], x[:, 0], np.round(distance / tol)))[: self.points]
+
+    def act(self, x: Array, tol: float) -> tuple[Array, Array]:
+        """Positions (n, 2) and forces (n, 2) of the load on a body with points (or elements) at x (p, 2)."""
+        if self.points == 0:
+            return np.array([self.position], float), np.array([self.force], float)
+        nearest = self.carriers(x, tol)
         return x[nearest], np.tile(np.divide(self.force, self.points), (self.points, 1))
 
 
@@ -142,13 +146,17 @@ class RegionLoad:
         if not np.all(np.isfinite(self.force)):
             raise InvalidScene(f"region load {self.force}: give finite numbers")
 
-    def act(self, x: Array, tol: float) -> tuple[Array, Array]:
-        """Positions (n, 2) and forces (n, 2) through which the load acts on a body with points (or elements) at x (p, 2)."""
-        inside = self.region.contains(x, tol)
-        n = np.count_nonzero(inside)
-        if n == 0:
+    def carriers(self, x: Array, tol: float) -> Index:
+        """Indices of the points at x (p, 2) that share the load: those in the region."""
+        inside = np.nonzero(self.region.contains(x, tol))[0]
+        if len(inside) == 0:
             raise LoadOutsideBody("the region of a load holds no material point: enlarge it or move it onto the body")
-        return x[inside], np.tile(np.divide(self.force, n), (n, 1))
+        return inside
+
+    def act(self, x: Array, tol: float) -> tuple[Array, Array]:
+        """Positions (n, 2) and forces (n, 2) of the load on a body with points (or elements) at x (p, 2)."""
+        inside = self.carriers(x, tol)
+        return x[inside], np.tile(np.divide(self.force, len(inside)), (len(inside), 1))
 
 
 @dataclass(frozen=True)
@@ -186,7 +194,8 @@ class Scene:
             raise InvalidScene(f"volume fraction {self.volume_fraction}: give a number above 0 and at most 1")
         if not 0 < self.filter_radius < np.inf:
             raise InvalidScene(
-                f"filter radius {self.filter_radius}: give a positive length (below one point spacing it filters nothing)"
+                f"filter radius {self.filter_radius}: give a positive length "
+                "(one below the point spacing filters nothing)"
             )
         if not 0 <= self.rho_min < 1:
             raise InvalidScene(f"rho_min {self.rho_min}: give a number from 0 to below 1")

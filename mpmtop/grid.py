@@ -1,0 +1,63 @@
+"""Background grid: cells, nodes and the half-open cell convention every other module relies on."""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from mpmtop.scene import Array, Index, PointOutsideGrid
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Cartesian grid of `cells` (nx, ny) cells of size `h` (hx, hy) [length] from `origin` (2,).
+
+    A cell is half-open, [x_i, x_i + h): a position on a grid line belongs to the cell on its right (above it). Node
+    (i, j) has the index i * (ny + 1) + j. Only nodes that a material point touches ever get degrees of freedom, so a
+    grid much larger than the body costs nothing.
+    """
+
+    origin: tuple[float, float]
+    h: tuple[float, float]
+    cells: tuple[int, int]
+
+    def __post_init__(self) -> None:
+        if not (np.all(np.isfinite(self.origin)) and np.all(np.isfinite(self.h)) and min(self.h) > 0):
+            raise ValueError(
+                f"grid from {self.origin} with cells of {self.h}: give finite numbers, cell sizes positive"
+            )
+        if min(self.cells) < 1:
+            raise ValueError(f"grid of {self.cells} cells: give at least one in each direction")
+
+    @classmethod
+    def around(cls, lower: Array, upper: Array, h: tuple[float, float], margin: int = 2) -> Self:
+        """Smallest grid with a line at `lower` that holds the box and `margin` more cells on every side."""
+        size = (np.asarray(upper) - lower) / h
+        cells = np.ceil(size - 1e-9).astype(int) + 2 * margin
+        ox, oy = np.asarray(lower) - np.multiply(margin, h)
+        return cls((float(ox), float(oy)), h, (int(cells[0]), int(cells[1])))
+
+    @property
+    def nodes(self) -> tuple[int, int]:
+        """Number of nodes in x and in y."""
+        return self.cells[0] + 1, self.cells[1] + 1
+
+    def node_positions(self) -> Array:
+        """Positions of all nodes, (nodes, 2)."""
+        x, y = (o + h * np.arange(n) for o, h, n in zip(self.origin, self.h, self.nodes, strict=True))
+        return np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
+
+    def cell_coordinates(self, x: Array) -> Array:
+        """Positions x (p, 2) in units of cells from the origin, (p, 2): cell i is [i, i + 1)."""
+        return (x - self.origin) / np.asarray(self.h)
+
+    def node_index(self, i: Index, j: Index) -> Index:
+        """Index of the nodes (i, j); a node beyond the grid is an error, never wrapped around."""
+        nx, ny = self.nodes
+        outside = (i < 0) | (i >= nx) | (j < 0) | (j >= ny)
+        if np.any(outside):
+            raise PointOutsideGrid(
+                f"{np.count_nonzero(outside)} nodes that the points need lie outside the grid of {self.cells} cells: "
+                "enlarge the grid (or its margin), or move the points inside"
+            )
+        return i * ny + j

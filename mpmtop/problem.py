@@ -1,0 +1,83 @@
+"""The optimisation problem of Eq. (8) for a discretised scene: design -> filter -> SIMP -> equilibrium -> objective."""
+
+import hashlib
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from mpmtop.design import DensityFilter, density_filter
+from mpmtop.equilibrium import Equilibrium, Model, equilibrium
+from mpmtop.material import simp
+from mpmtop.objectives import compliance, compliance_gradient
+from mpmtop.scene import Array
+
+
+@dataclass(frozen=True, eq=False)
+class Evaluation:
+    """Objective and constraints g <= 0 (1,) of one design, with its physical densities and its state."""
+
+    objective: float
+    constraints: Array
+    rho: Array
+    state: Equilibrium
+
+
+@dataclass(frozen=True, eq=False)
+class ComplianceProblem:
+    """Minimise f.u subject to sum V_p rho_p <= V* sum V_p over the design variables of a model's points."""
+
+    model: Model
+
+    @cached_property
+    def filter(self) -> DensityFilter:
+        """The density filter of the scene's radius."""
+        return density_filter(self.model.points, self.model.scene.filter_radius)
+
+    @cached_property
+    def x0(self) -> Array:
+        """The paper's start: the volume fraction everywhere."""
+        return np.full(len(self.model.points.volume), self.model.scene.volume_fraction)
+
+    @cached_property
+    def lower(self) -> Array:
+        """rho_min everywhere."""
+        return np.full_like(self.x0, self.model.scene.rho_min)
+
+    @cached_property
+    def upper(self) -> Array:
+        """One everywhere."""
+        return np.ones_like(self.x0)
+
+    @cached_property
+    def _volume_weight(self) -> Array:
+        volume = self.model.points.volume
+        return volume / (self.model.scene.volume_fraction * volume.sum())
+
+    @property
+    def fingerprint(self) -> str:
+        """Changes whenever a checkpoint of this problem would no longer fit it."""
+        model = self.model
+        digest = hashlib.sha256(repr((model.scene, model.grid, model.shape_function.__name__)).encode())
+        for array in (model.points.x, model.points.volume, model.points.half_length):
+            digest.update(np.ascontiguousarray(array).tobytes())
+        return digest.hexdigest()
+
+    def analyse(self, rho: Array) -> Evaluation:
+        """Evaluate physical densities (p,), of whatever origin: one solve."""
+        scene = self.model.scene
+        moduli = scene.material.young * simp(rho, scene.penal, scene.contrast)[0]
+        state = equilibrium(self.model, moduli)
+        constraints = np.array([self._volume_weight @ rho - 1])
+        return Evaluation(compliance(self.model, state), constraints, rho, state)
+
+    def evaluate(self, design: Array) -> Evaluation:
+        """Value only: one solve."""
+        return self.analyse(self.filter(design))
+
+    def gradient(self, evaluation: Evaluation) -> tuple[Array, Array]:
+        """dJ/ddesign (p,) and dg/ddesign (1, p) of an evaluation; no further solve."""
+        scene = self.model.scene
+        d_moduli = scene.material.young * simp(evaluation.rho, scene.penal, scene.contrast)[1]
+        d_rho = compliance_gradient(self.model, evaluation.state) * d_moduli
+        return self.filter.adjoint(d_rho), self.filter.adjoint(self._volume_weight)[None]

@@ -1,0 +1,88 @@
+"""Shape functions along one axis: tent (Eq. 6), GIMP (Eq. 7), quadratic B-spline. Values and gradients together.
+
+A shape function is called with the positions xi (p,) of the points in units of cells (cell i is [i, i + 1)) and the
+half-lengths l (p,) of their domains in the same unit. It returns a `Stencil`: the first of n consecutive nodes, and
+the values and gradients (per cell size) of these nodes' functions at each point. All of them form a partition of
+unity, sum N = 1 and sum grad N = 0, and reproduce linear fields on an unbounded grid.
+"""
+
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from mpmtop.scene import Array, Index
+
+
+class Stencil(NamedTuple):
+    """First node (p,) of n consecutive ones; N (p, n) and grad_N (p, n), the latter per cell size."""
+
+    first: Index
+    N: Array
+    grad_N: Array
+
+
+def _rounding(xi: Array) -> Array:
+    """Distance [cells] to a kink of the function below which a point lies on it: what lies beyond by less is noise of
+    floating point, and the stiffness of a node touched by such noise alone would be noise, too."""
+    return np.maximum(1e-12, 4 * np.finfo(float).eps * np.abs(xi))
+
+
+class ShapeFunction(Protocol):
+    """See the module's docstring; `__name__` names it in reports."""
+
+    __name__: str
+
+    def __call__(self, xi: Array, half_length: Array) -> Stencil:
+        """Values and gradients at xi (p,)."""
+        ...
+
+
+def tent(xi: Array, half_length: Array) -> Stencil:
+    """Standard piecewise linear function, Eq. (6); at a grid line the gradient is that of the cell on the right."""
+    cell = np.floor(xi)
+    s = xi - cell
+    one = np.ones_like(s)
+    return Stencil(cell.astype(np.intp), np.stack([1 - s, s], axis=1), np.stack([-one, one], axis=1))
+
+
+def gimp(xi: Array, half_length: Array) -> Stencil:
+    """Generalised interpolation, Eq. (7): the tent averaged over the point's domain [xi - l, xi + l], with l <= 1/2.
+
+    A domain within one cell gives the tent's values exactly. Otherwise it holds one node, at distance d = xi - node,
+    |d| < l, and the three nodes around it get (l - d)^2 / 4l, 1 - (d^2 + l^2) / 2l and (l + d)^2 / 4l. (Eq. 7 as
+    printed omits the constant l/2 of the middle branch; without it the functions do not sum to one.)
+    Source: Bardenhagen and Kober (2004), CMES 5:477.
+    """
+    if np.any(half_length > 0.5 + 1e-9):
+        raise ValueError(
+            f"GIMP: a point's domain is {2 * half_length.max():.3g} cells wide: "
+            "use at least one point per cell and direction"
+        )
+    lp = np.minimum(half_length, 0.5)
+    node = np.rint(xi)
+    d = xi - node
+    crosses = np.abs(d) < lp - _rounding(xi)
+    within = np.floor(xi)
+    s = xi - within
+
+    a, b = (lp - d) ** 2 / (4 * lp), (lp + d) ** 2 / (4 * lp)
+    da, db = -(lp - d) / (2 * lp), (lp + d) / (2 * lp)
+    zero, one = np.zeros_like(s), np.ones_like(s)
+    c = crosses[:, None]
+    return Stencil(
+        np.where(crosses, node - 1, within).astype(np.intp),
+        np.where(c, np.stack([a, 1 - a - b, b], axis=1), np.stack([1 - s, s, zero], axis=1)),
+        np.where(c, np.stack([da, -da - db, db], axis=1), np.stack([-one, one, zero], axis=1)),
+    )
+
+
+def bspline2(xi: Array, half_length: Array) -> Stencil:
+    """Quadratic B-spline on the three nodes nearest to the point; the gradient is continuous everywhere.
+
+    Source: Steffen, Kirby and Berzins (2008), Int. J. Numer. Meth. Engng 76:922 (unmodified at boundaries).
+    """
+    node = np.floor(xi + 0.5)
+    d = xi - node
+    d = np.where(np.abs(d) > 0.5 - _rounding(xi), np.copysign(0.5, d), d)
+    N = np.stack([(0.5 - d) ** 2 / 2, 0.75 - d**2, (0.5 + d) ** 2 / 2], axis=1)
+    return Stencil((node - 1).astype(np.intp), N, np.stack([d - 0.5, -2 * d, d + 0.5], axis=1))

@@ -1,0 +1,81 @@
+"""Transfer between material points and grid nodes: N and B as sparse operators, built once.
+
+    p2g   f_i = sum_p N_ip f_p     N.T @ f
+    g2p   u_p = sum_i N_ip u_i     N @ u
+    strain, Voigt (xx, yy, 2 xy)   eps_p = B u
+
+Degrees of freedom are numbered 2 node + component over the nodes that some point touches; others do not exist.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+
+from mpmtop.grid import Grid
+from mpmtop.points import MaterialPoints
+from mpmtop.scene import Array, Index, Mask
+from mpmtop.shape_functions import ShapeFunction
+
+
+@dataclass(frozen=True, eq=False)
+class Transfer:
+    """Weights of every point on its n stencil nodes, and the operators made of them.
+
+    `nodes` (a,) are the active grid nodes; `stencil` (p, n) the positions in `nodes` of each point's nodes, valid where
+    `touched` (p, n); N (p, n) and grad_N (p, n, 2) [1/length] their weights; `N_matrix` (p, a) and `B` (3p, 2a).
+    """
+
+    nodes: Index
+    stencil: Index
+    touched: Mask
+    N: Array
+    grad_N: Array
+    N_matrix: sp.csr_array
+    B: sp.csr_array
+
+    def interpolate(self, nodal: Array) -> Array:
+        """g2p of a nodal vector field (2a,): (p, 2)."""
+        return self.N_matrix @ nodal.reshape(-1, 2)
+
+    def strain(self, u: Array) -> Array:
+        """Strains (p, 3), Voigt with engineering shear, of nodal displacements u (2a,)."""
+        return (self.B @ u).reshape(-1, 3)
+
+
+def weights(grid: Grid, points: MaterialPoints, shape_function: ShapeFunction) -> tuple[Index, Mask, Array, Array]:
+    """Grid nodes (p, n), whether touched (p, n), N (p, n) and grad_N (p, n, 2) [1/length] of every point's stencil."""
+    xi = grid.cell_coordinates(points.x)
+    length = points.half_length / grid.h
+    sx, sy = (shape_function(xi[:, a], length[:, a]) for a in (0, 1))
+    hx, hy = grid.h
+    n = sx.N.shape[1]
+
+    def product(a: Array, b: Array) -> Array:
+        return (a[:, :, None] * b[:, None, :]).reshape(len(xi), n * n)
+
+    N = product(sx.N, sy.N)
+    grad_N = np.stack([product(sx.grad_N / hx, sy.N), product(sx.N, sy.grad_N / hy)], axis=-1)
+    touched = (N != 0) | np.any(grad_N != 0, axis=-1)
+    i = np.repeat(sx.first[:, None] + np.arange(n), n, axis=1)
+    j = np.tile(sy.first[:, None] + np.arange(n), (1, n))
+    nodes = np.zeros(touched.shape, np.intp)
+    nodes[touched] = grid.node_index(i[touched], j[touched])
+    return nodes, touched, N, grad_N
+
+
+def transfer(grid: Grid, points: MaterialPoints, shape_function: ShapeFunction) -> Transfer:
+    """Operators of `points` on `grid`. A point whose stencil leaves the grid raises PointOutsideGrid."""
+    node, touched, N, grad_N = weights(grid, points, shape_function)
+    active, inverse = np.unique(node[touched], return_inverse=True)
+    stencil = np.zeros_like(node)
+    stencil[touched] = inverse
+
+    p, k = np.nonzero(touched)
+    column, size = stencil[p, k], (len(points.x), len(active))
+    gx, gy = grad_N[p, k].T
+    # rows 3p, 3p+1, 3p+2: eps_xx = u_x,x; eps_yy = u_y,y; gamma_xy = u_x,y + u_y,x
+    rows = np.concatenate([3 * p, 3 * p + 1, 3 * p + 2, 3 * p + 2])
+    columns = np.concatenate([2 * column, 2 * column + 1, 2 * column, 2 * column + 1])
+    B = sp.csr_array((np.concatenate([gx, gy, gy, gx]), (rows, columns)), shape=(3 * size[0], 2 * size[1]))
+    return Transfer(active, stencil, touched, N, grad_N, sp.csr_array((N[p, k], (p, column)), shape=size), B)

@@ -1,0 +1,190 @@
+"""Equilibrium against independent codes and the identities of linear elasticity."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from mpmtop.equilibrium import Model, discretise, equilibrium
+from mpmtop.grid import Grid
+from mpmtop.linear_solver import BandedCholesky, SuperLU
+from mpmtop.objectives import compliance, compliance_gradient
+from mpmtop.points import MaterialPoints, to_gauss_points
+from mpmtop.scene import LoadOutsideBody, Material, PointLoad, Rectangle, RegionLoad, Support, UnsupportedBody
+from mpmtop.shape_functions import ShapeFunction, bspline2, gimp, tent
+from tests.scenes import LEFT_CLAMP, cantilever
+
+DATA = Path(__file__).parent / "data"
+ALL = pytest.mark.parametrize("shape_function", [tent, gimp, bspline2], ids=lambda f: f.__name__)
+
+
+def ample_model(nx: int, ny: int, shift: float, shape_function: ShapeFunction) -> Model:
+    last_column = RegionLoad(Rectangle((nx - 0.5 + shift, 0), (nx + shift, ny)), (0.0, -1.0))
+    scene = cantilever(nx, ny, shift=shift, load=last_column, material=Material(1e6, 0.3))
+    return discretise(scene, 1.0, shape_function=shape_function, grid=Grid((0, 0), (1, 1), (nx + 2, ny)))
+
+
+@pytest.mark.parametrize("shift", [0.0, 0.3])
+@pytest.mark.parametrize(("name", "shape_function"), [("mpm", tent), ("gimp", gimp)])
+def test_ample(name: str, shape_function: ShapeFunction, shift: float) -> None:
+    """Displacements, stresses and compliance of AMPLE, to 1e-10 of the largest entry (see tests/data/README.md)."""
+    model = ample_model(40, 20, shift, shape_function)
+    state = equilibrium(model, np.full(3200, 1e6))
+    case = f"cantilever40x20_{name}_s{round(100 * shift):03d}"
+
+    nodes = pd.read_csv(DATA / f"{case}_nodes.csv")
+    assert len(nodes) == len(model.transfer.nodes)  # the same nodes are active
+    position = model.grid.node_positions()[model.transfer.nodes]
+    order = nodes.sort_values(["x", "y"])
+    np.testing.assert_array_equal(order[["x", "y"]], position)
+    theirs = order[["ux_lin", "uy_lin"]].to_numpy()
+    np.testing.assert_allclose(state.u.reshape(-1, 2), theirs, rtol=0, atol=1e-10 * np.abs(theirs).max())
+
+    points = pd.read_csv(DATA / f"{case}_points.csv")
+    mine = pd.DataFrame(np.round(model.points.x, 9), columns=["x", "y"])
+    mine[["ux", "uy"]] = model.transfer.interpolate(state.u)
+    mine[["xx", "yy", "xy"]] = model.stress(state.moduli, state.strain)
+    both = points.round({"x": 9, "y": 9}).merge(mine, on=["x", "y"])
+    assert len(both) == len(points) == 200
+    for ours, published in (
+        (["ux", "uy"], ["ux_lin", "uy_lin"]),
+        (["xx", "yy", "xy"], ["sxx_lin", "syy_lin", "sxy_lin"]),
+    ):
+        theirs = both[published].to_numpy()
+        np.testing.assert_allclose(both[ours], theirs, rtol=0, atol=1e-10 * np.abs(theirs).max())
+    np.testing.assert_allclose(0.3 * (both["xx"] + both["yy"]), both["szz_lin"], rtol=0, atol=1e-10)
+
+    published_compliance = {("mpm", 0.3): 3.643223865279e-05, ("gimp", 0.3): 3.590198652812e-05}
+    assert compliance(model, state) == pytest.approx(
+        published_compliance.get((name, shift), 3.410843591618e-05), rel=1e-10
+    )
+
+
+def test_small_cuts() -> None:
+    """A GIMP domain that overlaps the next cell by s = 1e-1 ... 1e-8: AMPLE's compliance, to 1e-10."""
+    cuts = pd.read_csv(DATA / "smallcut_gimp20x10.csv")
+    for s, theirs in zip(cuts["s"], cuts["compliance"], strict=True):
+        model = ample_model(20, 10, s, gimp)
+        state = equilibrium(model, np.full(800, 1e6))
+        assert compliance(model, state) == pytest.approx(theirs, rel=1e-10)
+
+
+@ALL
+@pytest.mark.parametrize("shift", [0.0, 0.25, 0.3, 0.25 + 1e-12, 0.25 - 1e-12])
+def test_clapeyron_and_moduli_identity(shape_function: ShapeFunction, shift: float) -> None:
+    """sum V sigma : eps = f.u, and sum E dC/dE = -C since C is homogeneous of degree -1 in the moduli."""
+    points = discretise(cantilever(), 1.0).points.moved((shift, shift))
+    model = discretise(cantilever(), 1.0, points=points, shape_function=shape_function)
+    moduli = np.random.default_rng(3).uniform(0.1, 1, len(model.points.x))
+    state = equilibrium(model, moduli)
+    C = compliance(model, state)
+    work = np.sum(model.points.volume[:, None] * model.stress(moduli, state.strain) * state.strain)
+    assert work == pytest.approx(C, rel=1e-12)  # backward stable solve of 100 unknowns
+    assert moduli @ compliance_gradient(model, state) == pytest.approx(-C, rel=1e-12)
+
+
+def interior_residual(points: MaterialPoints | None, shape_function: ShapeFunction) -> float:
+    """Largest force of a constant unit stress at nodes all of whose cells are full: zero in equilibrium."""
+    model = discretise(cantilever(8, 4), 1.0, points=points, shape_function=shape_function)
+    stress = np.tile([1.0, 1.0, 1.0], (len(model.points.x), 1))
+    position = model.grid.node_positions()[model.transfer.nodes]
+    inside = Rectangle((2, 2), (6, 2)).contains(position)
+    assert np.count_nonzero(inside) == 5
+    return float(np.abs(model.internal_force(stress).reshape(-1, 2)[inside]).max())
+
+
+@ALL
+@pytest.mark.parametrize("shift", [0.0, 0.1, 0.25, 0.3])
+def test_patch_uniform_points(shape_function: ShapeFunction, shift: float) -> None:
+    """Constant stress is in equilibrium in the interior for uniform points at any shift."""
+    points = discretise(cantilever(8, 4), 1.0).points.moved((shift, shift))
+    assert interior_residual(points, shape_function) < 1e-12
+
+
+def test_patch_uneven_points() -> None:
+    """One column pushed over a grid line breaks the patch test of the tent, and far less that of GIMP; domains of
+    unequal size that tile the body do not break GIMP at all."""
+    points = discretise(cantilever(8, 4), 1.0).points
+    pushed = points.moved(np.where(np.isclose(points.x[:, :1], 3.75), [[0.26, 0.0]], 0.0))
+    assert interior_residual(pushed, tent) > 0.2  # one of the four points of each of two cells sits in the wrong one
+    assert interior_residual(pushed, gimp) < 0.6 * interior_residual(pushed, tent)
+
+    edges = np.array([0, 0.3, 1.2, 1.6, 2.5, 3.1, 3.9, 4.7, 5.3, 6.2, 6.9, 7.4, 8.0])
+    x = np.stack(np.meshgrid((edges[1:] + edges[:-1]) / 2, np.arange(0.25, 4, 0.5), indexing="ij"), -1).reshape(-1, 2)
+    half = np.stack(np.broadcast_arrays(np.repeat(np.diff(edges) / 2, 8), 0.25), axis=-1)
+    uneven = MaterialPoints(x, np.prod(2 * half, axis=1), half)
+    assert interior_residual(uneven, gimp) < 1e-12
+    assert interior_residual(uneven, tent) > 0.01
+
+
+def test_uniaxial_tension_is_exact() -> None:
+    """Patch test of the solution: a consistent end traction gives the linear displacement of uniaxial plane stress."""
+    ends = tuple(
+        PointLoad((6.0, float(j)), (1.0 if 0 < j < 3 else 0.5, 0.0), points=0) for j in range(4)
+    )  # unit traction on the nodes of the right edge
+    rollers = (
+        LEFT_CLAMP.__class__(LEFT_CLAMP.region, (True, False)),
+        Support(Rectangle((0, 0), (0, 0)), (False, True)),
+    )
+    scene = cantilever(6, 3, supports=rollers, loads=ends, material=Material(2.0, 0.25, plane="stress"))
+    model = discretise(scene, 1.0)
+    state = equilibrium(model, np.full(len(model.points.x), 2.0))
+    x, y = model.grid.node_positions()[model.transfer.nodes].T
+    exact = np.stack([x / 2, -0.25 * y / 2], axis=1)
+    np.testing.assert_allclose(state.u.reshape(-1, 2), exact, rtol=0, atol=3e-12)
+    np.testing.assert_allclose(model.stress(state.moduli, state.strain), [[1, 0, 0]] * len(model.points.x), atol=3e-12)
+
+
+def test_gauss_points_move() -> None:
+    points = to_gauss_points(discretise(cantilever(2, 1), 1.0).points)
+    offsets = np.abs(points.x - np.floor(points.x) - 0.5)
+    np.testing.assert_allclose(offsets, 0.5 / np.sqrt(3), rtol=1e-14)
+
+
+def test_solvers_agree() -> None:
+    """Banded Cholesky and SuperLU on a half-void design of modulus contrast 1e-9."""
+    moduli = np.where(np.random.default_rng(4).random(800) < 0.5, 1e-9, 1.0)
+    values = []
+    for solver in (BandedCholesky, SuperLU):
+        model = discretise(cantilever(20, 10), 1.0, solver=solver)
+        values.append(compliance(model, equilibrium(model, moduli)))
+    assert values[0] == pytest.approx(values[1], rel=1e-8)  # condition number of the void islands, 1e9, times eps
+
+
+def test_many_right_hand_sides() -> None:
+    model = discretise(cantilever(), 1.0)
+    solve = equilibrium(model, np.ones(128)).solve
+    b = np.random.default_rng(5).normal(size=(len(model.stiffness.dof), 3))
+    np.testing.assert_allclose(solve(b), np.stack([solve(c) for c in b.T], axis=1), rtol=1e-12)
+
+
+def test_linear_scene_takes_one_newton_step() -> None:
+    state = equilibrium(discretise(cantilever(), 1.0), np.ones(128))
+    assert state.newton_steps == 1
+    assert state.residual < 1e-9
+
+
+@pytest.mark.parametrize("solver", [BandedCholesky, SuperLU])
+def test_floating_body_is_named(solver: type) -> None:
+    """A body that can rotate about its one held node, and one that floats on a slit of no material."""
+    pin = Support(Rectangle((0, 0), (0, 0)))
+    model = discretise(cantilever(supports=(pin,)), 1.0, solver=BandedCholesky)
+    with pytest.raises(UnsupportedBody, match="node at"):
+        equilibrium(model, np.ones(128))
+    model = discretise(cantilever(), 1.0, solver=solver)
+    with pytest.raises(UnsupportedBody, match="node at"):
+        equilibrium(model, np.where(np.abs(model.points.x[:, 0] - 4) < 1, 0.0, 1.0))
+
+
+def test_misplaced_loads_and_supports_are_named() -> None:
+    with pytest.raises(UnsupportedBody, match="move it onto the body"):
+        discretise(cantilever(supports=(Support(Rectangle((-3, 0), (-2, 4))),)), 1.0)
+    with pytest.raises(LoadOutsideBody, match="no material point"):
+        discretise(cantilever(load=RegionLoad(Rectangle((20, 0), (21, 4)), (0.0, -1.0))), 1.0)
+    with pytest.raises(LoadOutsideBody, match="held nodes only"):
+        discretise(cantilever(load=PointLoad((0.0, 2.0), (0.0, -1.0), points=0)), 1.0)
+    with pytest.raises(LoadOutsideBody, match="lower `points`"):
+        discretise(cantilever(1, 1, load=PointLoad((1.0, 0.5), (0.0, -1.0), points=6)), 1.0)
+    with pytest.raises(ValueError, match="densities"):
+        equilibrium(discretise(cantilever(), 1.0), np.full(128, np.nan))

@@ -1,0 +1,58 @@
+"""The architecture: who may import whom."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+ORDER = ["scene", "grid", "points", "shape_functions", "transfer", "material", "stiffness", "linear_solver", "equilibrium", "objectives", "design", "problem", "gcmma", "optimize", "export"]
+LIBRARIES = {"mpmtop": {"numpy", "scipy", "pypardiso"}, "reference_fem": {"numpy", "scipy", "skfem", "mpmtop"}}
+STANDARD = {
+    "collections", "contextlib", "dataclasses", "functools", "hashlib", "importlib", "itertools", "json", "os", "pathlib",
+    "tempfile", "typing", "zipfile",
+}  # fmt: skip
+
+
+def imports(path: Path) -> set[str]:
+    """Full names of all modules that the file imports, wherever in it."""
+    found: set[str] = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path}: relative import"
+            found.add(node.module or "")
+    return found
+
+
+def modules(package: str) -> list[Path]:
+    return sorted(p for p in (ROOT / package).glob("*.py") if p.stem != "__init__")
+
+
+def test_every_module_has_its_place() -> None:
+    assert {p.stem for p in modules("mpmtop")} == set(ORDER)
+
+
+@pytest.mark.parametrize("path", modules("mpmtop"), ids=lambda p: p.stem)
+def test_mpmtop_imports_go_one_way(path: Path) -> None:
+    allowed = {f"mpmtop.{name}" for name in ORDER[: ORDER.index(path.stem)]}
+    for name in imports(path):
+        top = name.split(".")[0]
+        extra = {"meshio"} if path.stem == "export" else set()
+        assert name in allowed or top in LIBRARIES["mpmtop"] | STANDARD | extra, f"{path.stem} imports {name}"
+
+
+@pytest.mark.parametrize("path", modules("reference_fem"), ids=lambda p: p.stem)
+def test_reference_fem_is_independent(path: Path) -> None:
+    for name in imports(path):
+        top = name.split(".")[0]
+        if top == "mpmtop":
+            assert name in {"mpmtop.scene", "mpmtop.gcmma"}, f"{path.stem} imports {name}"
+        else:
+            assert top in LIBRARIES["reference_fem"] | STANDARD | {"reference_fem"}, f"{path.stem} imports {name}"
+
+
+@pytest.mark.parametrize("path", sorted(ROOT.glob("validation/**/*.py")), ids=lambda p: p.stem)
+def test_validation_stays_out_of_the_tests(path: Path) -> None:
+    assert not any(name.startswith("tests") for name in imports(path))

@@ -1,0 +1,80 @@
+"""Density filter, SIMP and the gradient of compliance through both."""
+
+import numpy as np
+import pytest
+
+from mpmtop.design import density_filter
+from mpmtop.equilibrium import discretise
+from mpmtop.material import simp
+from mpmtop.points import MaterialPoints
+from mpmtop.problem import ComplianceProblem
+from mpmtop.shape_functions import ShapeFunction, bspline2, gimp, tent
+from tests.scenes import cantilever
+
+
+def two_levels() -> MaterialPoints:
+    """A 4 x 2 body: unit points on the left half, quarter-size ones on the right."""
+    coarse = np.stack(np.meshgrid([0.5, 1.5], [0.5, 1.5], indexing="ij"), -1).reshape(-1, 2)
+    fine = np.stack(np.meshgrid(2.25 + 0.5 * np.arange(4), 0.25 + 0.5 * np.arange(4), indexing="ij"), -1).reshape(-1, 2)
+    half = np.repeat([0.5, 0.25], [4, 16])[:, None] * np.ones(2)
+    return MaterialPoints(np.concatenate([coarse, fine]), np.prod(2 * half, axis=1), half)
+
+
+def test_filter_by_its_definition() -> None:
+    points, radius = two_levels(), 1.3
+    distance = np.linalg.norm(points.x[:, None] - points.x, axis=-1)
+    weight = points.volume * np.maximum(0, radius - distance)
+    expected = weight / weight.sum(axis=1, keepdims=True)
+    np.testing.assert_allclose(density_filter(points, radius).matrix.toarray(), expected, atol=1e-15)
+
+
+def test_filter_properties() -> None:
+    W = density_filter(two_levels(), 1.3)
+    rng = np.random.default_rng(0)
+    x, y = rng.random((2, 20))
+    np.testing.assert_allclose(W(np.ones(20)), 1, rtol=1e-15)
+    assert y @ W(x) == pytest.approx(W.adjoint(y) @ x, rel=1e-14)
+    identity = density_filter(two_levels(), 0.4)  # below one spacing
+    np.testing.assert_array_equal(identity(x), x)
+
+
+def test_simp_ends_and_slope() -> None:
+    rho = np.array([0.0, 0.5, 1.0])
+    value, slope = simp(rho, 3.0, 1e-9)
+    np.testing.assert_allclose(value, [1e-9, 0.125 + 0.875e-9, 1], rtol=1e-15)
+    step = 1e-6
+    np.testing.assert_allclose(
+        slope[1], (simp(rho + step, 3.0, 1e-9)[0][1] - simp(rho - step, 3.0, 1e-9)[0][1]) / (2 * step), rtol=1e-9
+    )
+
+
+@pytest.mark.parametrize("shape_function", [tent, gimp, bspline2], ids=lambda f: f.__name__)
+@pytest.mark.parametrize("shift", [0.0, 0.3])
+def test_gradient_has_a_second_order_remainder(shape_function: ShapeFunction, shift: float) -> None:
+    """Taylor test: J(x + t d) - J(x) - t dJ.d falls as t^2, at a random design and direction, with crossing."""
+    points = discretise(cantilever(), 1.0).points.moved((shift, 0.0))
+    problem = ComplianceProblem(discretise(cantilever(), 1.0, points=points, shape_function=shape_function))
+    rng = np.random.default_rng(1)
+    x, d = rng.uniform(0.2, 0.8, (2, 128)) - [[0], [0.5]]
+    at = problem.evaluate(x)
+    dJ, dg = problem.gradient(at)
+    t = 10.0 ** -np.arange(1, 4)
+    remainder = [problem.evaluate(x + s * d).objective - at.objective - s * dJ @ d for s in t]
+    order = np.diff(np.log10(np.abs(remainder))) / -1
+    assert order[-1] == pytest.approx(2, abs=0.05)  # the third-order term at t = 1e-3
+    moved = problem.evaluate(x + d).constraints
+    np.testing.assert_allclose(moved, at.constraints + dg @ d, rtol=1e-12)  # the constraint is linear
+
+
+def test_start_is_feasible_and_uniform() -> None:
+    problem = ComplianceProblem(discretise(cantilever(), 1.0))
+    start = problem.evaluate(problem.x0)
+    np.testing.assert_allclose(start.rho, 0.4, rtol=1e-14)
+    assert abs(start.constraints[0]) < 1e-14
+
+
+def test_fingerprint_tells_problems_apart() -> None:
+    scenes = [cantilever(), cantilever(filter_radius=2.0), cantilever(volume_fraction=0.5)]
+    problems = [ComplianceProblem(discretise(s, 1.0, shape_function=f)) for s in scenes for f in (tent, gimp)]
+    assert len({p.fingerprint for p in problems}) == 6
+    assert problems[0].fingerprint == ComplianceProblem(discretise(cantilever(), 1.0)).fingerprint
