@@ -42,6 +42,8 @@ def seed(region: Region, spacing: tuple[float, float]) -> MaterialPoints:
 
     Centres outside the region are left out. Each point owns its lattice rectangle.
     """
+    if not (np.all(np.isfinite(spacing)) and min(spacing) > 0):
+        raise ValueError(f"point spacing {spacing}: give finite, positive cell sizes and at least one point per cell")
     lower, upper = region.bounds
     counts = np.maximum(np.rint((upper - lower) / spacing).astype(int), 1)
     step = (upper - lower) / counts

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from mpmtop.equilibrium import discretise
+from mpmtop.grid import Grid
 from mpmtop.points import MaterialPoints, seed
 from mpmtop.scene import (
     EmptyDomain,
@@ -71,10 +72,13 @@ def test_parts_refuse() -> None:
 def test_discretisation_refuses() -> None:
     with pytest.raises(ValueError, match="at least one in each direction"):
         discretise(cantilever(), 1.0, 0)
+    for h in (-1.0, 0.0, NAN, np.inf):
+        with pytest.raises(ValueError, match="positive cell sizes"):
+            discretise(cantilever(), h)
     with pytest.raises(ValueError, match="cell sizes positive"):
-        discretise(cantilever(), -1.0)
-    with pytest.raises(ValueError, match="cell sizes positive"):
-        discretise(cantilever(), NAN)
+        Grid((0, 0), (1, -1), (2, 2))
+    with pytest.raises(ValueError, match="at least one in each"):
+        Grid((0, 0), (1, 1), (2, 0))
     with pytest.raises(EmptyDomain, match="at least one"):
         MaterialPoints(np.zeros((0, 2)), np.zeros(0), np.zeros((0, 2)))
     with pytest.raises(ValueError, match="not finite"):
