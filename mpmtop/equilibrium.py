@@ -74,8 +74,8 @@ def discretise(
         points = seed(scene.domain, (hx / nx, hy / ny))
     lower, upper = scene.domain.bounds
     if grid is None:
-        cells = np.ceil(np.max(np.abs([points.x.min(0) - lower, points.x.max(0) - upper]) / (hx, hy)))
-        grid = Grid.around(lower, upper, (hx, hy), margin=2 + int(cells))
+        outside = np.maximum([lower - points.x.min(axis=0), points.x.max(axis=0) - upper], 0) / (hx, hy)
+        grid = Grid.around(lower, upper, (hx, hy), margin=2 + int(np.ceil(outside.max())))
     operators = transfer(grid, points, shape_function)
     position = grid.node_positions()[operators.nodes]
     f_ext = external_force(scene, grid, points, operators)

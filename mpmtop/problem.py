@@ -81,3 +81,25 @@ class ComplianceProblem:
         d_moduli = scene.material.young * simp(evaluation.rho, scene.penal, scene.contrast)[1]
         d_rho = compliance_gradient(self.model, evaluation.state) * d_moduli
         return self.filter.adjoint(d_rho), self.filter.adjoint(self._volume_weight)[None]
+
+
+def plan(problem: ComplianceProblem) -> str:
+    """What an analysis of the problem computes and what it skips, and why: one line each, to print."""
+    model = problem.model
+    total, active = int(np.prod(model.grid.nodes)), len(model.transfer.nodes)
+    held = 2 * active - len(model.stiffness.dof)
+    touched = np.count_nonzero(model.transfer.touched, axis=1)
+    p = len(touched)
+    lines = [
+        f"nodes: {active} of {total} get degrees of freedom; no point touches the others",
+        f"unknowns: {len(model.stiffness.dof)}; {held} degrees of freedom are held and never assembled",
+        f"stencil ({model.shape_function.__name__}): {np.mean(touched):.2f} nodes for a point on average; "
+        f"{np.count_nonzero(touched <= 4)} of {p} points need no more than the 4 of their own cell",
+        f"stiffness: {model.stiffness.data_map.shape[0]} entries of the lower triangle, one sparse product for a design",
+        f"solver: {type(model.solver).__name__}, one factorisation for a design",
+        "Newton: one step, the scene is linear; the tangent of a further one would be the same",
+        "adjoint solve: skipped, compliance is self-adjoint",
+        "stresses: skipped, the objective needs none",
+        f"filter: {problem.filter.matrix.nnz} weights, built once",
+    ]
+    return "\n".join(lines)

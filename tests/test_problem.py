@@ -7,7 +7,7 @@ from mpmtop.design import density_filter
 from mpmtop.equilibrium import discretise
 from mpmtop.material import simp
 from mpmtop.points import MaterialPoints
-from mpmtop.problem import ComplianceProblem
+from mpmtop.problem import ComplianceProblem, plan
 from mpmtop.shape_functions import ShapeFunction, bspline2, gimp, tent
 from tests.scenes import cantilever
 
@@ -78,3 +78,13 @@ def test_fingerprint_tells_problems_apart() -> None:
     problems = [ComplianceProblem(discretise(s, 1.0, shape_function=f)) for s in scenes for f in (tent, gimp)]
     assert len({p.fingerprint for p in problems}) == 6
     assert problems[0].fingerprint == ComplianceProblem(discretise(cantilever(), 1.0)).fingerprint
+
+
+def test_plan_says_what_is_skipped() -> None:
+    text = plan(ComplianceProblem(discretise(cantilever(), 1.0, shape_function=gimp)))
+    assert "nodes: 45 of 117" in text  # 9 x 5 of a grid with two cells of margin on every side
+    assert "128 of 128 points need no more than the 4" in text  # no domain leaves its cell
+    assert "adjoint solve: skipped" in text
+    shifted = discretise(cantilever(), 1.0).points.moved((0.3, 0.0))
+    text = plan(ComplianceProblem(discretise(cantilever(), 1.0, points=shifted, shape_function=gimp)))
+    assert "64 of 128 points" in text  # one column of two crosses

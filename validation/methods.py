@@ -1,0 +1,123 @@
+"""The methods that are compared, behind one face: build the problem, optimise, analyse a design of any origin."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Self
+
+import numpy as np
+from scipy.spatial import KDTree
+
+from mpmtop import equilibrium, problem
+from mpmtop.gcmma import GCMMA, UpdateRule
+from mpmtop.optimize import Iterate, optimize
+from mpmtop.scene import Array, Scene
+from mpmtop.shape_functions import ShapeFunction, gimp, tent
+from reference_fem import simp
+from validation.scenes import H, SPACING
+
+MOVE = 0.3
+"""The paper's move limit."""
+
+
+@dataclass(frozen=True, eq=False)
+class Design:
+    """Physical densities rho (p,) at positions x (p, 2) that own rectangles of half-length (p, 2)."""
+
+    x: Array
+    half_length: Array
+    rho: Array
+
+    def at(self, x: Array) -> Array:
+        """Densities in the order of the positions x (p, 2), which must be the design's own."""
+        distance, nearest = KDTree(self.x).query(x)
+        if len(x) != len(self.x) or distance.max() > 1e-6 * self.half_length.min():
+            raise ValueError("the design lives on other points: analyse it with `reference_fem.reanalyse`")
+        return self.rho[nearest]
+
+    @property
+    def grayness(self) -> float:
+        """Measure of discreteness, 4 mean(rho (1 - rho)) over the volume: 0 black and white, 1 all grey.
+
+        Source: Sigmund (2007), Struct. Multidisc. Optim. 33:401.
+        """
+        return float(np.average(4 * self.rho * (1 - self.rho), weights=self.half_length.prod(axis=1)))
+
+
+@dataclass(frozen=True, eq=False)
+class Analyser:
+    """A method applied to a scene: `problem` is the optimisation problem of its own design variables."""
+
+    name: str
+    problem: problem.ComplianceProblem | simp.ComplianceProblem
+    x: Array
+    half_length: Array
+
+    def compliance(self, design: Design) -> float:
+        """Compliance of a design on these points, whoever made it."""
+        return self.problem.analyse(design.at(self.x)).objective
+
+    def design(self, rho: Array) -> Design:
+        """Physical densities of this method's problem as a design."""
+        return Design(self.x, self.half_length, rho)
+
+
+def material_points(name: str, shape_function: ShapeFunction) -> Callable[[Scene], Analyser]:
+    """The material point method, 2 x 2 points per cell of size h."""
+
+    def build(scene: Scene) -> Analyser:
+        model = equilibrium.discretise(scene, H, 2, shape_function)
+        return Analyser(name, problem.ComplianceProblem(model), model.points.x, model.points.half_length)
+
+    return build
+
+
+def finite_elements(scene: Scene) -> Analyser:
+    """Bilinear finite elements, one for each material point of the other methods."""
+    fem = simp.compliance_problem(scene, SPACING)
+    return Analyser("FEM", fem, fem.model.centres, np.full_like(fem.model.centres, SPACING / 2))
+
+
+METHODS: dict[str, Callable[[Scene], Analyser]] = {
+    "standard": material_points("standard", tent),
+    "GIMP": material_points("GIMP", gimp),
+    "FEM": finite_elements,
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Optimisation:
+    """A finished optimisation: all iterates' numbers, and the designs of those kept."""
+
+    analyser: Analyser
+    iterates: list[Iterate[Any]]
+
+    @classmethod
+    def of(cls, analyser: Analyser, rule: UpdateRule | None = None) -> Self:
+        """Run the paper's loop to its end."""
+        return cls(analyser, list(run(analyser, rule)))
+
+    @property
+    def last(self) -> Iterate[Any]:
+        """The final iterate."""
+        return self.iterates[-1]
+
+    @cached_property
+    def objective(self) -> Array:
+        """Objective of every iterate, (k + 1,)."""
+        return np.array([iterate.objective for iterate in self.iterates])
+
+    @cached_property
+    def volume(self) -> Array:
+        """Volume fraction of every iterate, (k + 1,)."""
+        fraction = self.analyser.problem.x0[0]
+        return fraction * (1 + np.array([iterate.constraints[0] for iterate in self.iterates]))
+
+    def design(self, iteration: int = -1) -> Design:
+        """Design of an iterate."""
+        return self.analyser.design(self.iterates[iteration].evaluation.rho)
+
+
+def run(analyser: Analyser, rule: UpdateRule | None = None) -> Iterator[Iterate[Any]]:
+    """The paper's loop: GCMMA with its move limit unless another rule is given, its stopping rule, 300 iterations at most."""
+    return optimize(analyser.problem, rule or GCMMA(move=MOVE), max_iterations=300)

@@ -1,0 +1,137 @@
+"""A plain scikit-fem SIMP loop, as a user of scikit-fem would write it from its examples: the baseline of the timings.
+
+`BilinearForm` assembled anew each iteration with the modulus as a field, `condense`, `solve`. Same elements, filter
+and problem as `reference_fem.simp`, whose numbers it must reproduce; nothing is cached but mesh, basis and filter.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.spatial import KDTree
+from skfem import (
+    Basis,
+    BilinearForm,
+    ElementQuad0,
+    ElementQuad1,
+    ElementVector,
+    Functional,
+    MeshQuad,
+    condense,
+    solve,
+)
+from skfem.helpers import ddot, eye, sym_grad, trace
+
+from mpmtop.scene import Array, Scene
+
+
+@dataclass(frozen=True, eq=False)
+class Evaluation:
+    """Objective, constraints g <= 0, densities and displacements of one design."""
+
+    objective: float
+    constraints: Array
+    rho: Array
+    u: Array
+
+
+@dataclass(frozen=True, eq=False)
+class PlainProblem:
+    """Compliance of the cantilever `scene` on nx x ny bilinear elements, one design variable each."""
+
+    scene: Scene
+    nx: int
+    ny: int
+
+    @cached_property
+    def mesh(self) -> MeshQuad:
+        """The mesh."""
+        lower, upper = self.scene.domain.bounds
+        axes = (np.linspace(a, b, n + 1) for a, b, n in zip(lower, upper, (self.nx, self.ny), strict=True))
+        return MeshQuad.init_tensor(*axes)
+
+    @cached_property
+    def basis(self) -> Basis:
+        """Displacements."""
+        return Basis(self.mesh, ElementVector(ElementQuad1()))
+
+    @cached_property
+    def density_basis(self) -> Basis:
+        """Element-wise constant densities at the quadrature points of `basis`."""
+        return self.basis.with_element(ElementQuad0())
+
+    @cached_property
+    def centres(self) -> Array:
+        """Element centres (e, 2)."""
+        return self.mesh.p[:, self.mesh.t].mean(axis=1).T
+
+    @cached_property
+    def filter(self) -> sp.csr_matrix:
+        """Cone filter with rows that sum to one."""
+        tree, radius = KDTree(self.centres), self.scene.filter_radius
+        distance = tree.sparse_distance_matrix(tree, radius, output_type="coo_matrix")
+        weight = sp.csr_matrix((radius - distance.data, (distance.row, distance.col)))
+        return sp.diags(1 / np.asarray(weight.sum(axis=1)).ravel()) @ weight
+
+    @cached_property
+    def f_ext(self) -> Array:
+        """The load's six forces through the basis at their positions."""
+        f = np.zeros(self.basis.N)
+        for load in self.scene.loads:
+            x, force = load.act(self.centres, 1e-9)
+            f += self.basis.probes(x.T).T @ force.T.ravel()
+        return f
+
+    @property
+    def x0(self) -> Array:
+        """The volume fraction everywhere."""
+        return np.full(len(self.centres), self.scene.volume_fraction)
+
+    @property
+    def lower(self) -> Array:
+        """rho_min."""
+        return np.full(len(self.centres), self.scene.rho_min)
+
+    @property
+    def upper(self) -> Array:
+        """One."""
+        return np.ones(len(self.centres))
+
+    @property
+    def fingerprint(self) -> str:
+        """Never resumed: its name suffices."""
+        return f"plain scikit-fem, {self.nx} x {self.ny}"
+
+    def evaluate(self, x: Array) -> Evaluation:
+        """Assemble, condense, solve."""
+        rho = self.filter @ x
+        young = self.scene.contrast + rho**self.scene.penal * (1 - self.scene.contrast)
+        K = stiffness.assemble(self.basis, young=self.density_basis.interpolate(young), nu=self.scene.material.poisson)
+        u = solve(*condense(K, self.f_ext, D=self.basis.get_dofs(lambda x: np.isclose(x[0], 0))))
+        volume = np.mean(rho) / self.scene.volume_fraction - 1
+        return Evaluation(float(self.f_ext @ u), np.array([volume]), rho, u)
+
+    def gradient(self, evaluation: Evaluation) -> tuple[Array, Array]:
+        """Strain energies of the elements, back through SIMP and the filter."""
+        u = self.basis.interpolate(evaluation.u)
+        work = energy.elemental(self.basis, u=u, nu=self.scene.material.poisson)
+        slope = self.scene.penal * evaluation.rho ** (self.scene.penal - 1) * (1 - self.scene.contrast)
+        weight = np.full(len(self.centres), 1 / (self.scene.volume_fraction * len(self.centres)))
+        return self.filter.T @ (-slope * work), (self.filter.T @ weight)[None]
+
+
+def _stress(strain: Array, nu: float) -> Array:
+    return (strain + nu / (1 - 2 * nu) * eye(trace(strain), 2)) / (1 + nu)
+
+
+@BilinearForm
+def stiffness(u, v, w):  # type: ignore[no-untyped-def]
+    """Plane strain elasticity with Young's modulus field `young`."""
+    return w.young * ddot(_stress(sym_grad(u), w.nu), sym_grad(v))
+
+
+@Functional
+def energy(w):  # type: ignore[no-untyped-def]
+    """Stress times strain at unit modulus."""
+    return ddot(_stress(sym_grad(w.u), w.nu), sym_grad(w.u))

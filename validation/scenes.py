@@ -1,0 +1,33 @@
+"""The paper's scenes as plain numbers. Units: cell size h = 1, force F = 1, Young's modulus E0 = 1.
+
+Compliance then comes in F^2 / E0 (per unit thickness) and displacement in F / E0. What the paper leaves open (where
+the tip force acts, the filter's radius, rho_min, the meaning of E_min) is an argument; the defaults are our choice.
+"""
+
+from typing import Any, Literal
+
+import numpy as np
+
+from mpmtop.scene import Material, PointLoad, Rectangle, Scene, Support
+
+H = 1.0
+"""Background cell size h."""
+SPACING = 0.5 * H
+"""Distance of neighbouring points, two per cell and direction."""
+
+TipLoad = Literal["mid-height", "bottom corner"]
+
+
+def cantilever(load: TipLoad = "mid-height", radius: float = 3 * SPACING, **changes: Any) -> Scene:
+    """Fig. 7a: 40h x 20h, left edge clamped, unit force down at the right edge, shared by the six nearest points."""
+    tip = {"mid-height": (40.0, 10.0), "bottom corner": (40.0, 0.0)}[load]
+    return Scene(
+        name=f"cantilever, load at {load}",
+        domain=Rectangle((0.0, 0.0), (40.0, 20.0)),
+        supports=(Support(Rectangle((-np.inf, -np.inf), (0.0, np.inf))),),
+        loads=(PointLoad(tip, (0.0, -1.0), points=6),),
+        filter_radius=radius,
+        material=Material(young=1.0, poisson=0.3, plane="strain"),
+        volume_fraction=0.4,
+        **changes,
+    )
