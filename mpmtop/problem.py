@@ -22,6 +22,11 @@ class Evaluation:
     rho: Array
     state: Equilibrium
 
+    @property
+    def u(self) -> Array:
+        """Nodal displacements (2a,)."""
+        return self.state.u
+
 
 @dataclass(frozen=True, eq=False)
 class ComplianceProblem:
@@ -95,7 +100,7 @@ def plan(problem: ComplianceProblem) -> str:
         f"unknowns: {len(model.stiffness.dof)}; {held} degrees of freedom are held and never assembled",
         f"stencil ({model.shape_function.__name__}): {np.mean(touched):.2f} nodes for a point on average; "
         f"{np.count_nonzero(touched <= 4)} of {p} points need no more than the 4 of their own cell",
-        f"stiffness: {model.stiffness.data_map.shape[0]} entries of the lower triangle, one sparse product for a design",
+        f"stiffness: {model.stiffness.data_map.shape[0]} entries of the lower triangle, one sparse product each",
         f"solver: {type(model.solver).__name__}, one factorisation for a design",
         "Newton: one step, the scene is linear; the tangent of a further one would be the same",
         "adjoint solve: skipped, compliance is self-adjoint",

@@ -1,0 +1,116 @@
+"""The common judge: one finite element analysis for the designs of every method, on equal terms.
+
+A design is densities at points that own rectangles. The judge cuts a lattice finer than the smallest rectangle, gives
+each cell the density of its owner, and solves with biquadratic elements. Densities are taken as they are: no filter.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+from skfem import CellBasis
+
+from mpmtop.scene import Array, EmptyDomain, Index, InvalidScene, LoadOutsideBody, PointLoad, Scene
+from reference_fem.boundary import nodal_forces
+from reference_fem.elasticity import FemModel, fem_model, solve
+from reference_fem.mesh import GEOMETRY_TOLERANCE, element_centres, element_sides, lattice, vector_basis
+from reference_fem.simp import simp
+
+GAUSS = np.array([[-1, -1], [1, -1], [-1, 1], [1, 1]]) / np.sqrt(12)  # of the side: exact to cubics along each axis
+
+
+@dataclass(frozen=True, eq=False)
+class Judgement:
+    """Compliance f.u of a design, free dofs and elements of the judge's mesh, displacements u (N,)."""
+
+    compliance: float
+    dofs: int
+    elements: int
+    u: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Judge:
+    """A scene's finite element model over p points, ready for any number of designs; owner (e,) of each element."""
+
+    scene: Scene
+    model: FemModel
+    owner: Index
+    points: int
+
+    def __call__(self, rho: Array) -> Judgement:
+        """Analyse the physical densities rho (p,) in [0, 1] of the points: one factorisation, one solve."""
+        if np.shape(rho) != (self.points,):
+            raise ValueError(f"densities of shape {np.shape(rho)} for {self.points} points: give one for each point")
+        if not np.all((rho >= -1e-9) & (rho <= 1 + 1e-9)):  # a filter's rounding passes; NaN does not
+            raise ValueError("densities outside 0 to 1: give physical densities")
+        u = solve(self.model, simp(rho, self.scene)[0][self.owner])
+        return Judgement(float(self.model.f_ext @ u), len(self.model.free), len(self.owner), u)
+
+
+def reanalyse(scene: Scene, x: Array, half_length: Array, rho: Array, split: int = 2, order: int = 2) -> Judgement:
+    """Judge one design; see `build_judge`, which serves many designs on the same points."""
+    return build_judge(scene, x, half_length, split, order)(rho)
+
+
+def build_judge(scene: Scene, x: Array, half_length: Array, split: int = 2, order: int = 2) -> Judge:
+    """Judge for points x (p, 2) owning rectangles of half-length (p, 2), which may differ in size and overlap.
+
+    The lattice's pitch is the smallest full length over `split`. A cell belongs to the point whose rectangle holds its
+    centre, in an overlap to the nearest in Chebyshev distance scaled by the half-lengths; a cell in none is absent.
+
+    Loads: a force that `load.act(x)` gives to a point is spread uniformly over that point's cells, so that it is the
+    same load on every mesh. Point forces would not do: the energy of a point force in the plane is infinite, the
+    compliance would grow with the logarithm of 1/pitch. On one bilinear element per point the two are identical.
+    A `PointLoad` with `points=0` asks for the position itself and gets it, divergence included.
+
+    Raises InvalidScene, EmptyDomain, LoadOutsideBody and UnsupportedBody.
+    """
+    if split < 1:
+        raise InvalidScene(f"split {split}: give 1 or more elements along each point's side")
+    full = lattice(scene.domain.bounds, 2 * half_length.min(axis=0) / split)
+    owner = owners(element_centres(full), x, half_length)
+    owned = np.flatnonzero(owner >= 0)
+    if len(owned) == 0:
+        raise EmptyDomain(
+            f"no point's rectangle lies in the domain of {scene.name!r}: check positions and half-lengths"
+        )
+    basis = vector_basis(full.restrict(owned), order)
+    return Judge(scene, fem_model(scene, basis, _load(scene, basis, x, owner[owned])), owner[owned], len(x))
+
+
+def owners(cells: Array, x: Array, half_length: Array) -> Index:
+    """Point (m,) whose rectangle holds each of the cell centres (m, 2), the nearest if several do, -1 if none."""
+    best = np.full(len(cells), 1 + GEOMETRY_TOLERANCE)
+    owner = np.full(len(cells), -1)
+    rounded = np.rint(half_length / (GEOMETRY_TOLERANCE * half_length.min()))
+    _, first, size = np.unique(rounded, axis=0, return_index=True, return_inverse=True)
+    for s, half in enumerate(half_length[first]):  # one search for each size of rectangle: a few levels
+        members = np.flatnonzero(size.ravel() == s)
+        distance, nearest = cKDTree(x[members] / half).query(cells / half, p=np.inf)
+        closer = distance < best
+        best[closer], owner[closer] = distance[closer], members[nearest[closer]]
+    return owner
+
+
+def _load(scene: Scene, basis: CellBasis, x: Array, owner: Index) -> Array:
+    """Load vector (N,) of the scene's loads on points x (p, 2), spread over the elements `owner` (e,) gives them."""
+    sides = element_sides(basis.mesh)
+    f = np.zeros(basis.N)
+    force = np.zeros_like(x)
+    for load in scene.loads:
+        at, part = load.act(x, GEOMETRY_TOLERANCE * float(sides.min()))
+        if isinstance(load, PointLoad) and load.points == 0:
+            f += nodal_forces(basis, at, part)
+        else:
+            np.add.at(force, cKDTree(x).query(at)[1], part)
+    loaded = np.any(force != 0, axis=1)
+    cells = np.bincount(owner, minlength=len(x))
+    if np.any(loaded & (cells == 0)):
+        raise LoadOutsideBody(
+            f"the loaded point at {x[loaded & (cells == 0)][0]} owns no cell of the domain: move the load"
+        )
+    element = np.flatnonzero(loaded[owner])
+    share = (force / np.maximum(cells, 1)[:, None])[owner[element]] / len(GAUSS)
+    gauss = element_centres(basis.mesh)[element, None] + GAUSS * sides[element, None]
+    return f + nodal_forces(basis, gauss.reshape(-1, 2), np.repeat(share, len(GAUSS), axis=0))
