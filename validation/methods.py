@@ -1,20 +1,22 @@
 """The methods that are compared, behind one face: build the problem, optimise, analyse a design of any origin."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Self
+from typing import Any, Protocol, Self
 
 import numpy as np
 from scipy.spatial import KDTree
 
-from mpmtop import equilibrium, problem
-from mpmtop.gcmma import GCMMA, UpdateRule
+from mpmtop import problem
+from mpmtop.equilibrium import discretise
+from mpmtop.gcmma import GCMMA, Problem, UpdateRule
+from mpmtop.material import von_mises
 from mpmtop.optimize import Iterate, optimize
 from mpmtop.scene import Array, Scene
 from mpmtop.shape_functions import ShapeFunction, gimp, tent
-from reference_fem import simp
-from validation.scenes import H, SPACING
+from reference_fem import elasticity, simp
+from validation.scenes import SPACING, H
 
 MOVE = 0.3
 """The paper's move limit."""
@@ -44,43 +46,61 @@ class Design:
         return float(np.average(4 * self.rho * (1 - self.rho), weights=self.half_length.prod(axis=1)))
 
 
+class DensityProblem(Problem[Any], Protocol):
+    """An optimisation problem that also analyses physical densities (p,) directly."""
+
+    def analyse(self, rho: Array) -> Any: ...
+
+
 @dataclass(frozen=True, eq=False)
 class Analyser:
-    """A method applied to a scene: `problem` is the optimisation problem of its own design variables."""
+    """A method applied to a scene: its problem, its points, and the von Mises stress (p,) of an evaluation."""
 
     name: str
-    problem: problem.ComplianceProblem | simp.ComplianceProblem
+    problem: DensityProblem
     x: Array
     half_length: Array
+    von_mises: Callable[[Any], Array]
 
     def compliance(self, design: Design) -> float:
         """Compliance of a design on these points, whoever made it."""
-        return self.problem.analyse(design.at(self.x)).objective
+        return float(self.problem.analyse(design.at(self.x)).objective)
 
     def design(self, rho: Array) -> Design:
-        """Physical densities of this method's problem as a design."""
+        """A field on this method's points, physical densities in general."""
         return Design(self.x, self.half_length, rho)
 
 
-def material_points(name: str, shape_function: ShapeFunction) -> Callable[[Scene], Analyser]:
+def material_points(shape_function: ShapeFunction, name: str) -> Callable[[Scene], Analyser]:
     """The material point method, 2 x 2 points per cell of size h."""
 
     def build(scene: Scene) -> Analyser:
-        model = equilibrium.discretise(scene, H, 2, shape_function)
-        return Analyser(name, problem.ComplianceProblem(model), model.points.x, model.points.half_length)
+        model = discretise(scene, H, 2, shape_function)
+
+        def stress(evaluation: problem.Evaluation) -> Array:
+            state = evaluation.state
+            return von_mises(model.stress(state.moduli, state.strain), scene.material)
+
+        return Analyser(name, problem.ComplianceProblem(model), model.points.x, model.points.half_length, stress)
 
     return build
 
 
 def finite_elements(scene: Scene) -> Analyser:
-    """Bilinear finite elements, one for each material point of the other methods."""
+    """Bilinear finite elements, one for each material point of the other methods; stress at their centres."""
     fem = simp.compliance_problem(scene, SPACING)
-    return Analyser("FEM", fem, fem.model.centres, np.full_like(fem.model.centres, SPACING / 2))
+    model = fem.model
+
+    def stress(evaluation: simp.Evaluation) -> Array:
+        young = simp.simp(evaluation.rho, scene)[0]
+        return elasticity.von_mises(elasticity.stress(model, evaluation.u, young))[:, 0]
+
+    return Analyser("FEM", fem, model.centres, np.full_like(model.centres, SPACING / 2), stress)
 
 
 METHODS: dict[str, Callable[[Scene], Analyser]] = {
-    "standard": material_points("standard", tent),
-    "GIMP": material_points("GIMP", gimp),
+    "standard": material_points(tent, "standard"),
+    "GIMP": material_points(gimp, "GIMP"),
     "FEM": finite_elements,
 }
 
@@ -94,8 +114,8 @@ class Optimisation:
 
     @classmethod
     def of(cls, analyser: Analyser, rule: UpdateRule | None = None) -> Self:
-        """Run the paper's loop to its end."""
-        return cls(analyser, list(run(analyser, rule)))
+        """The paper's loop: GCMMA with its move limit (or another rule), its stopping rule, 300 iterations at most."""
+        return cls(analyser, list(optimize(analyser.problem, rule or GCMMA(move=MOVE), max_iterations=300)))
 
     @property
     def last(self) -> Iterate[Any]:
@@ -116,8 +136,3 @@ class Optimisation:
     def design(self, iteration: int = -1) -> Design:
         """Design of an iterate."""
         return self.analyser.design(self.iterates[iteration].evaluation.rho)
-
-
-def run(analyser: Analyser, rule: UpdateRule | None = None) -> Iterator[Iterate[Any]]:
-    """The paper's loop: GCMMA with its move limit unless another rule is given, its stopping rule, 300 iterations at most."""
-    return optimize(analyser.problem, rule or GCMMA(move=MOVE), max_iterations=300)

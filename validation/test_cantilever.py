@@ -17,13 +17,10 @@ import pytest
 from joblib import Parallel, delayed
 
 from mpmtop.gcmma import GCMMA, MMA, SingleStepGCMMA, UpdateRule
-from mpmtop.material import von_mises
-from mpmtop.scene import Array
-from reference_fem import elasticity
 from reference_fem.reanalyse import Judge, build_judge
 from validation import paper
 from validation.conftest import Lock, ShowProgress
-from validation.methods import METHODS, MOVE, Analyser, Design, Optimisation, run
+from validation.methods import METHODS, MOVE, Analyser, Optimisation
 from validation.metrics import draw_design, draw_points
 from validation.plain_fem import PlainProblem
 from validation.report import Report
@@ -49,24 +46,13 @@ def analysers() -> dict[str, Analyser]:
 
 @pytest.fixture(scope="module")
 def optimisations(analysers: dict[str, Analyser]) -> dict[str, Optimisation]:
-    return {name: Optimisation(analyser, list(run(analyser))) for name, analyser in analysers.items()}
+    return {name: Optimisation.of(analyser) for name, analyser in analysers.items()}
 
 
 @pytest.fixture(scope="module")
 def judge(analysers: dict[str, Analyser]) -> Judge:
     points = analysers["standard"]
     return build_judge(cantilever(), points.x, points.half_length)
-
-
-def stress_at(analyser: Analyser, x: Array) -> Array:
-    """Von Mises stress (p,) of the solid body at positions x (p, 2), the points of every method."""
-    solid = analyser.problem.analyse(np.ones(len(analyser.x)))
-    model = analyser.problem.model
-    if isinstance(model, elasticity.FemModel):
-        vm = elasticity.von_mises(elasticity.stress(model, solid.u, np.ones(len(x))))[:, 0]
-    else:
-        vm = von_mises(model.stress(solid.state.moduli, solid.state.strain), model.scene.material)
-    return Design(analyser.x, analyser.half_length, vm).at(x)
 
 
 def test_solid_stress(report: Report, lock: Lock, analysers: dict[str, Analyser], judge: Judge) -> None:
@@ -80,11 +66,11 @@ def test_solid_stress(report: Report, lock: Lock, analysers: dict[str, Analyser]
     x, half = standard.x, standard.half_length
     cell = np.floor(x)
     leaves = np.any((x - half < cell - 1e-12) | (x + half > cell + 1 + 1e-12), axis=1)
-    vm = {name: stress_at(analyser, x) for name, analyser in analysers.items()}
     solid = {name: analyser.problem.analyse(np.ones(len(x))) for name, analyser in analysers.items()}
+    vm = {name: a.design(a.von_mises(solid[name])).at(x) for name, a in analysers.items()}
     gradient = [a.problem.gradient(a.problem.evaluate(a.problem.x0))[0] for a in (standard, gimp)]
     identical = {
-        "displacement": (solid["standard"].state.u, solid["GIMP"].state.u),
+        "displacement": (solid["standard"].u, solid["GIMP"].u),
         "von Mises stress": (vm["standard"], vm["GIMP"]),
         "compliance sensitivity": (gradient[0], gradient[1]),
     }
@@ -176,11 +162,11 @@ def test_optimisation(report: Report, lock: Lock, optimisations: dict[str, Optim
         at_most=1e-5,
         source="Sect. 5.1.1: active",
     )
-    rises = {name: float(np.maximum(np.diff(done.objective), 0).max()) for name, done in optimisations.items()}
+    rises = [np.max(np.diff(done.objective) / done.objective[1:]) for done in optimisations.values()]
     monotone = report.check(
-        "largest rise of compliance in an iteration, all methods",
-        max(rises.values()),
-        at_most=1e-9 * standard.last.objective,  # the rounding GCMMA's acceptance test allows
+        "largest relative rise of compliance in an iteration, all methods",
+        max(0.0, float(max(rises))),
+        at_most=1e-9,  # the rounding GCMMA's acceptance test allows
         source="Fig. 9: monotone history",
     )
     draw_histories(report, optimisations)
@@ -234,14 +220,15 @@ def test_radius_and_load(report: Report, lock: Lock, progress: ShowProgress) -> 
     stated = paper.CANTILEVER_COMPLIANCE.value
     frame["against 83.57"] = frame["compliance"] / stated - 1
     report.table("radius_load", frame.astype({"iterations": int}), "Optimised compliance by load position and radius.")
-    nearest = frame["against 83.57"].abs().idxmin()
+    nearest = min(results, key=lambda case: abs(results[case]["compliance"] / stated - 1))
+    load, radius = nearest
     report.text(
-        f"Nearest to {stated}: load at {nearest[0]}, radius {nearest[1]:g} spacings, compliance "
-        f"{frame.loc[nearest, 'compliance']:.5g} after {frame.loc[nearest, 'iterations']:.0f} iterations."
+        f"Nearest to {stated}: load at {load}, radius {radius:g} spacings, compliance "
+        f"{results[nearest]['compliance']:.5g} after {results[nearest]['iterations']:.0f} iterations."
     )
     near = report.check(
-        f"optimised compliance, load at {nearest[0]}, radius {nearest[1]:g} spacings",
-        float(frame.loc[nearest, "compliance"]),
+        f"optimised compliance, load at {load}, radius {radius:g} spacings",
+        results[nearest]["compliance"],
         stated,
         rtol=0.03,
         source=paper.CANTILEVER_COMPLIANCE.where,
@@ -249,7 +236,7 @@ def test_radius_and_load(report: Report, lock: Lock, progress: ShowProgress) -> 
 
     figure, ax = plt.subplots()
     for load in LOADS:
-        ax.plot(RADII, frame.loc[load, "compliance"], marker="o", label=f"load at {load}")
+        ax.plot(RADII, [results[load, r]["compliance"] for r in RADII], marker="o", label=f"load at {load}")
     ax.axhline(stated, color="0.4", linewidth=1, linestyle="-", label="paper")
     ax.set(xlabel="filter radius / point spacing", ylabel="optimised compliance [F²/E0]")
     ax.legend()
@@ -378,6 +365,6 @@ def test_speed(report: Report, analysers: dict[str, Analyser]) -> None:
             f"CPU time of an iteration, plain scikit-fem loop over {name}",
             seconds["plain"] / seconds[name],
             at_least=at_least,
-            source="our aim",
+            source="our aim" if at_least else "for comparison",
         )
     assert same

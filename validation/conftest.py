@@ -1,0 +1,266 @@
+"""Fixtures of the studies (`report`, `lock`, `progress`) and the writing of the report at the end of a run."""
+
+import os
+
+# Read once, when NumPy loads its BLAS: two threads gain little on a quiet machine and lose much on a busy one.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+os.environ.setdefault("MKL_NUM_THREADS", "1")
+
+import csv
+import importlib.metadata
+import platform
+import re
+import shlex
+import subprocess
+import sys
+import threading
+import time
+from collections import Counter
+from collections.abc import Generator, Iterable, Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from pathlib import Path
+from types import FunctionType
+from typing import Any, Protocol, TextIO, TypeVar
+
+import matplotlib as mpl
+import matplotlib.style
+import numpy as np
+import pytest
+from pytest_regressions.num_regression import NumericRegressionFixture
+from rich.console import Console
+from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+from validation.metrics import STYLE
+from validation.report import Report, Section, Study, merge, merge_timings, read, read_timings, section
+from validation.templates import publish
+
+Item = TypeVar("Item")
+SHOWN_AFTER = 2.0  # [s] an iteration shorter than this needs no progress line
+PACKAGES = ("mpmtop", "numpy", "scipy", "scikit-fem", "meshio", "pandas", "matplotlib", "pytest", "pypardiso")
+
+
+@dataclass
+class Run:
+    """One pytest session: the recorders of its tests, and the functions they belong to."""
+
+    terminal: TextIO | None
+    started: float = field(default_factory=time.perf_counter)
+    files: set[str] = field(default_factory=set)
+    reports: dict[pytest.Function, Report] = field(default_factory=dict)
+    summary: list[str] = field(default_factory=list)
+
+
+RUN = pytest.StashKey[Run]()
+
+
+class Lock(Protocol):
+    """Compare numbers with those stored beside the study, to a relative tolerance."""
+
+    def __call__(self, numbers: Mapping[str, float], *, rtol: float) -> None: ...
+
+
+class ShowProgress(Protocol):
+    """Iterate as before, showing label, iteration and elapsed time on a terminal."""
+
+    def __call__(self, iterator: Iterable[Item], label: str) -> Iterator[Item]: ...
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--reports", metavar="DIR", help="folder the validation report is written to (default: reports)")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    mpl.use("Agg")
+    mpl.style.use(STYLE)
+    config.stash[RUN] = Run(_terminal())
+
+
+def pytest_unconfigure(config: pytest.Config) -> None:
+    terminal = config.stash[RUN].terminal
+    if terminal is not None:
+        terminal.close()
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Open the test's recorder before its other fixtures, so that a failing one is seen in the report too."""
+    if isinstance(item, pytest.Function) and "report" in item.fixturenames:
+        if item.cls is not None:
+            raise TypeError(f"{item.name} is a method: a section of the report is a plain function, move it out")
+        run = item.config.stash[RUN]
+        study = item.path.stem.removeprefix("test_")
+        run.reports[item] = Report(study, item.function.__name__, run.files)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[None]) -> Generator[None, Any, Any]:
+    outcome = yield
+    reports = item.config.stash[RUN].reports
+    if isinstance(item, pytest.Function) and item in reports and call.excinfo is not None:
+        if call.excinfo.errisinstance(pytest.skip.Exception):
+            del reports[item]  # it did not run: what an earlier run recorded stays
+        elif not reports[item].ended_by:
+            reports[item].ended_by = call.excinfo.typename
+    return outcome
+
+
+@pytest.fixture
+def report(request: pytest.FixtureRequest) -> Report:
+    """The section of this test function; parametrised cases append to the same one.
+
+    A run of some cases only leaves the section with those, until the whole function is run again.
+    """
+    return request.config.stash[RUN].reports[request.node]
+
+
+@pytest.fixture
+def lock(num_regression: NumericRegressionFixture, original_datadir: Path, request: pytest.FixtureRequest) -> Lock:
+    """Regression of numbers, by name, against the CSV in the study's data folder; made anew by --force-regen."""
+
+    def check(numbers: Mapping[str, float], *, rtol: float) -> None:
+        absent = [name for name, number in numbers.items() if not np.isfinite(number)]
+        if absent:
+            raise ValueError(f"cannot lock {', '.join(absent)}: not finite")
+        basename = re.sub(r"\W", "_", request.node.name)
+        stored = original_datadir / f"{basename}.csv"
+        renewed = request.config.getoption("force_regen") or request.config.getoption("regen_all")
+        if stored.exists() and not renewed:
+            # num_regression compares the columns it is given and passes over one that is no longer computed
+            with stored.open(encoding="utf-8", newline="") as lines:
+                columns = set(next(csv.reader(lines))) - {""}
+            assert set(numbers) == columns, f"other numbers than {stored.name} holds: rerun with --force-regen if meant"
+        num_regression.check(
+            {name: np.array([number]) for name, number in numbers.items()},
+            basename=basename,
+            default_tolerance={"atol": 0.0, "rtol": rtol},
+        )
+
+    return check
+
+
+@pytest.fixture
+def progress(request: pytest.FixtureRequest) -> ShowProgress:
+    """Progress line of a long iteration, `for design in progress(optimise(scene), "cantilever")`; silent off-screen."""
+    terminal = request.config.stash[RUN].terminal
+
+    def show(iterator: Iterable[Item], label: str) -> Iterator[Item]:
+        if terminal is None:
+            yield from iterator
+            return
+        columns = (
+            SpinnerColumn(),
+            TextColumn("{task.description}, iteration {task.completed:.0f}"),
+            TimeElapsedColumn(),
+        )
+        line = Progress(
+            *columns, console=Console(file=terminal), transient=True, redirect_stdout=False, redirect_stderr=False
+        )
+        task = line.add_task(label, total=None)
+
+        def start() -> None:
+            terminal.write("\n")  # below pytest's own line, which the progress line would overwrite
+            line.start()
+
+        timer = threading.Timer(SHOWN_AFTER, start)
+        timer.start()
+        try:
+            for item in iterator:
+                line.advance(task)
+                yield item
+        finally:
+            timer.cancel()
+            timer.join()
+            line.stop()
+
+    return show
+
+
+def pytest_sessionfinish(session: pytest.Session) -> None:
+    run = session.config.stash[RUN]
+    if not run.reports:
+        return
+    directory = Path(session.config.getoption("--reports", None) or session.config.rootpath / "reports").absolute()
+    before = read(directory)
+    studies = _studies(run, before)
+    timings = merge_timings(read_timings(directory), run.reports.values(), studies)
+    verdicts = Counter(claim.verdict for study in studies for claim in study.claims)
+    ran = f"{sum(len(report.claims) for report in run.reports.values())} of {verdicts.total()} claims run"
+    run.summary = [
+        f"report: {directory / 'index.html'}",
+        f"{ran}; {verdicts['agrees']} agree, {verdicts['differs']} differ, {verdicts['not stated']} not stated",
+    ]
+    figures = {file: svg for report in run.reports.values() for file, svg in report.figures.items()}
+    provenance = _provenance(session.config, directory, ran, time.perf_counter() - run.started)
+    publish(directory, list(before.values()), studies, timings, figures, provenance)
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: pytest.Config) -> None:
+    for line in config.stash[RUN].summary:
+        terminalreporter.write_line(line)
+
+
+def _studies(run: Run, before: Mapping[str, Study]) -> list[Study]:
+    """The studies after this run, by name; those whose module is gone are left out."""
+    modules = {report.study: item.module for item, report in run.reports.items()}
+    functions: dict[FunctionType, list[Report]] = {}
+    for item, report in run.reports.items():
+        functions.setdefault(item.function, []).append(report)
+    sections: dict[str, dict[str, Section]] = {study: {} for study in modules}
+    for function, reports in functions.items():
+        sections[reports[0].study][function.__name__] = section(reports, function)
+    folders = {Path(__file__).parent, *(item.path.parent for item in run.reports)}
+    present = {path.stem.removeprefix("test_") for folder in folders for path in folder.rglob("test_*.py")}
+    studies = {name: study for name, study in before.items() if name in present}
+    studies |= {name: merge(before.get(name), module, sections[name]) for name, module in modules.items()}
+    return [studies[name] for name in sorted(studies)]
+
+
+def _provenance(config: pytest.Config, directory: Path, claims: str, seconds: float) -> dict[str, str]:
+    """Where the report comes from: shown at the foot of the HTML pages only, as it differs from run to run."""
+    root = config.rootpath
+    # The report is what the run changes: only a change elsewhere makes its numbers another commit's.
+    others = [f":(exclude){directory.relative_to(root)}"] if directory.is_relative_to(root) else []
+    commit = _git(root, "rev-parse", "HEAD")
+    changes = _git(root, "status", "--porcelain", "--", ".", *others)
+    packages = []
+    for name in PACKAGES:
+        with suppress(importlib.metadata.PackageNotFoundError):
+            packages.append(f"{name} {importlib.metadata.version(name)}")
+    return {
+        "commit": (commit or "not a git checkout") + (" with uncommitted changes" if changes else ""),
+        "claims": claims,
+        "command": shlex.join(["pytest", *map(str, config.invocation_params.args)]),
+        "date": datetime.now(UTC).isoformat(sep=" ", timespec="seconds"),
+        "duration": f"{seconds:.1f} s",
+        "python": platform.python_version(),
+        "packages": ", ".join(packages),
+        "machine": f"{platform.system()} {platform.machine()}, {_processor()}, {os.cpu_count()} logical cores",
+    }
+
+
+def _git(root: Path, *arguments: str) -> str:
+    """Output of a git command, "" where git or the repository is missing."""
+    try:
+        done = subprocess.run(["git", "-C", root, *arguments], capture_output=True, text=True, check=True)
+    except (OSError, subprocess.CalledProcessError):
+        return ""
+    return done.stdout.strip()
+
+
+def _processor() -> str:
+    """Model of the processor: Linux tells it here only, other systems through `platform`."""
+    try:
+        model = re.search(r"model name\s*: (.+)", Path("/proc/cpuinfo").read_text())
+    except OSError:
+        model = None
+    return model[1] if model else platform.processor() or "processor unknown"
+
+
+def _terminal() -> TextIO | None:
+    """The terminal itself, duplicated before pytest captures it; None if there is none to draw on."""
+    if os.environ.get("CI") or not sys.stdout.isatty():
+        return None
+    return os.fdopen(os.dup(sys.stdout.fileno()), "w", encoding="utf-8")

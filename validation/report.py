@@ -1,0 +1,299 @@
+"""The report of a validation run: what a study records, and the files made from it.
+
+A study is a module `test_<study>.py`; each of its test functions is a section. Sections are kept in one JSON store per
+study, `data/<study>.json`; every page and table is a function of the stores, so a run of part of the studies replaces
+the sections that ran and leaves the rest as they were. Stores, Markdown, CSV and SVG are the same on every run of one
+commit; what depends on the clock or the machine (HTML, timings, provenance) is written beside them and not committed.
+"""
+
+import csv
+import io
+import json
+import math
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass
+from inspect import cleandoc
+from pathlib import Path
+from types import FunctionType, ModuleType
+from typing import Any, Literal, TypeVar
+
+import matplotlib as mpl
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+Value = float | int | bool | str
+Block = TypeVar("Block")
+Verdict = Literal["agrees", "differs", "not stated"]
+RESERVED = ("index", "timings", "provenance", "claims")  # names of the report's own files
+CLAIM_COLUMNS = ("study", "claim", "observed", "expected", "rtol", "source", "verdict")
+TIMING_COLUMNS = ("study", "test", "claim", "ratio", "expected", "source", "verdict")
+
+
+@dataclass(frozen=True)
+class Claim:
+    """What a source states (`expected`, "" if nothing) beside what a study observed, and the verdict."""
+
+    claim: str
+    observed: Value
+    expected: Value
+    rtol: float | None
+    source: str
+    verdict: Verdict
+
+
+@dataclass(frozen=True)
+class Text:
+    """Markdown prose."""
+
+    text: str
+    kind: Literal["text"] = "text"
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows of cells, one per column, None where there is no value; also written as `data/<file>.csv`."""
+
+    file: str
+    caption: str
+    columns: list[str]
+    rows: list[list[Value | None]]
+    kind: Literal["table"] = "table"
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """A figure of which the store holds the caption and `figures/<file>.svg` the drawing."""
+
+    file: str
+    caption: str
+    kind: Literal["figure"] = "figure"
+
+
+@dataclass(frozen=True)
+class Section:
+    """What one test function recorded; `ended_by` names the exception that ended it, "" if it passed."""
+
+    test: str
+    title: str
+    text: str
+    ended_by: str
+    claims: list[Claim]
+    blocks: list[Text | Table | Drawing]
+
+
+@dataclass(frozen=True)
+class Study:
+    """Sections in the order of the functions of `test_<name>.py`; title and introduction are its docstring."""
+
+    name: str
+    title: str
+    introduction: str
+    sections: list[Section]
+
+    @property
+    def claims(self) -> list[Claim]:
+        """The claims of all sections."""
+        return [claim for section in self.sections for claim in section.claims]
+
+
+class Report:
+    """Recorder of one test: text, tables, figures and claims become its part of the study's page.
+
+    Claims, captions and sources are inline Markdown. Numbers are rounded to significant digits as they come in, so that
+    the committed text is stable; verdicts are of the numbers before rounding. `files` holds the names already taken.
+    """
+
+    def __init__(self, study: str, test: str, files: set[str]) -> None:
+        if study in RESERVED:
+            raise ValueError(f"a study cannot be called {study!r}, a file of the report: rename its module")
+        self.study, self.test, self.ended_by, self._files = study, test, "", files
+        self.claims: list[Claim] = []
+        self.timings: list[dict[str, str]] = []
+        self.blocks: list[Text | Table | Drawing] = []
+        self.figures: dict[str, bytes] = {}
+
+    def text(self, markdown: str) -> None:
+        """Record prose: paragraphs, **bold**, `code`, links and lists."""
+        self.blocks.append(Text(cleandoc(markdown)))
+
+    def table(self, name: str, frame: pd.DataFrame, caption: str, digits: int = 6) -> None:
+        """Record a table; an index other than the default one becomes its first columns."""
+        frame = frame if isinstance(frame.index, pd.RangeIndex) else frame.reset_index()
+        rows = [
+            [None if pd.isna(cell) else plain(cell, digits) for cell in row] for row in frame.to_numpy(dtype=object)
+        ]
+        self.blocks.append(Table(self._take(name, "csv"), caption, [str(column) for column in frame.columns], rows))
+
+    def figure(self, name: str, figure: Figure, caption: str) -> None:
+        """Record a matplotlib figure as SVG, the same bytes for the same drawing, and close it."""
+        file = self._take(name, "svg")
+        svg = io.BytesIO()
+        with mpl.rc_context({"svg.hashsalt": file}):
+            figure.savefig(svg, format="svg", metadata={"Date": None, "Creator": "mpmtop"})
+        plt.close(figure)
+        self.figures[file] = svg.getvalue()
+        self.blocks.append(Drawing(file, caption))
+
+    def check(
+        self,
+        claim: str,
+        observed: Value,
+        expected: Value | None = None,
+        *,
+        rtol: float | None = None,
+        at_most: float | None = None,
+        at_least: float | None = None,
+        source: str,
+    ) -> bool:
+        """Record a claim and return whether it holds: |observed - expected| <= rtol |expected| (equality without rtol),
+        or observed within the bounds given. Without either there is nothing to differ from; NaN always differs.
+
+        Raises ValueError if both kinds are given, or rtol without an expected number other than zero.
+        """
+        bounds = [f"{sign} {bound:.12g}" for sign, bound in ((">=", at_least), ("<=", at_most)) if bound is not None]
+        if expected is not None and bounds:
+            raise ValueError(f"{claim!r}: give an expected value or bounds, not both")
+        if rtol is not None and (isinstance(expected, bool | str) or not expected):
+            raise ValueError(
+                f"{claim!r}: rtol is relative to an expected number other than zero; use at_most, at_least"
+            )
+        if isinstance(observed, float) and math.isnan(observed):
+            verdict: Verdict = "differs"
+        elif expected is None and not bounds:
+            verdict = "not stated"
+        else:
+            agrees = _holds(observed, expected, rtol, at_least, at_most)
+            verdict = "agrees" if agrees else "differs"
+        stated = " and ".join(bounds) if expected is None else plain(expected, digits=12)
+        self.claims.append(Claim(claim, plain(observed), stated, rtol, source, verdict))
+        return verdict != "differs"
+
+    def timing(self, claim: str, ratio: float, *, at_least: float | None = None, source: str) -> bool:
+        """Record a claim on measured time: its value goes to the timings page only, which is not committed."""
+        holds = self.check(claim, ratio, at_least=at_least, source=source)
+        measured = self.claims.pop()
+        self.claims.append(Claim(claim, "see timings", measured.expected, None, source, measured.verdict))
+        row = (self.study, self.test, claim, measured.observed, measured.expected, source, measured.verdict)
+        self.timings.append(dict(zip(TIMING_COLUMNS, map(str, row), strict=True)))
+        return holds
+
+    def _take(self, name: str, suffix: str) -> str:
+        file = f"{self.study}_{name}"
+        if not re.fullmatch(r"[\w-]+", name, re.ASCII):
+            raise ValueError(f"{name!r} becomes a file name: use letters, digits, _ and - only")
+        if f"{file}.{suffix}" in self._files:
+            raise ValueError(f"{file}.{suffix} is already recorded: give each table and figure of a study its own name")
+        self._files.add(f"{file}.{suffix}")
+        return file
+
+
+def _holds(
+    observed: Value, expected: Value | None, rtol: float | None, at_least: float | None, at_most: float | None
+) -> bool:
+    if expected is None:
+        return (at_least is None or float(observed) >= at_least) and (at_most is None or float(observed) <= at_most)
+    if rtol is None:
+        return bool(observed == expected)
+    return abs(float(observed) - float(expected)) <= rtol * abs(float(expected))
+
+
+def plain(value: Any, digits: int = 6) -> Value:
+    """A scalar as JSON can hold it: floats rounded to significant digits, NaN and infinity as text."""
+    value = value.item() if isinstance(value, np.generic | np.ndarray) else value
+    if isinstance(value, float):
+        return float(f"{value:.{digits}g}") + 0.0 if math.isfinite(value) else str(value)  # + 0.0: -0 becomes 0
+    return value if isinstance(value, bool | int | str) else str(value)
+
+
+def section(reports: Iterable[Report], function: FunctionType) -> Section:
+    """What the runs of one test function (several if parametrised) recorded, in their order."""
+    reports = list(reports)
+    title, text = _headed(function.__doc__, function.__name__)
+    ended_by = next((report.ended_by for report in reports if report.ended_by), "")
+    claims = [claim for report in reports for claim in report.claims]
+    blocks = [block for report in reports for block in report.blocks]
+    return Section(function.__name__, title, text, ended_by, claims, blocks)
+
+
+def merge(old: Study | None, module: ModuleType, ran: Mapping[str, Section]) -> Study:
+    """The study of a module: its sections that ran, the old ones of its other functions, none of removed functions."""
+    name = module.__name__.rpartition(".")[2].removeprefix("test_")
+    known = {section.test: section for section in (old.sections if old else [])} | dict(ran)
+    return Study(name, *_headed(module.__doc__, name), [known[test] for test in vars(module) if test in known])
+
+
+def _headed(docstring: str | None, name: str) -> tuple[str, str]:
+    """First line and rest of a docstring; without one, the name in words."""
+    title, _, text = cleandoc(docstring or name.removeprefix("test_").replace("_", " ").capitalize()).partition("\n")
+    return title.removesuffix("."), text.strip()
+
+
+def read(directory: Path) -> dict[str, Study]:
+    """The studies stored in `directory`/data, by name."""
+    stores = sorted((directory / "data").glob("*.json"))
+    return {path.stem: _read_study(path) for path in stores if path.stem not in RESERVED}
+
+
+def _read_study(path: Path) -> Study:
+    blocks: dict[str, type[Text | Table | Drawing]] = {"text": Text, "table": Table, "figure": Drawing}
+    try:
+        stored = json.loads(path.read_text("utf-8"))
+        for section in stored["sections"]:
+            section["claims"] = [Claim(**claim) for claim in section["claims"]]
+            section["blocks"] = [blocks[block["kind"]](**block) for block in section["blocks"]]
+        return Study(**stored | {"sections": [Section(**section) for section in stored["sections"]]})
+    except (ValueError, KeyError, TypeError) as error:
+        raise ValueError(f"{path} is not a store of this report: delete it, or restore the committed one") from error
+
+
+def read_timings(directory: Path) -> list[dict[str, str]]:
+    """The timings measured so far on this machine, with the columns TIMING_COLUMNS."""
+    path = directory / "data" / "timings.csv"
+    return list(csv.DictReader(path.read_text("utf-8").splitlines())) if path.exists() else []
+
+
+def merge_timings(
+    old: Iterable[Mapping[str, str]], reports: Iterable[Report], studies: Iterable[Study]
+) -> list[Mapping[str, str]]:
+    """Timings of the tests that ran, and the old ones of the other tests, in the order of the studies."""
+    tests = [(study.name, section.test) for study in studies for section in study.sections]
+    reports = list(reports)
+    ran = {(report.study, report.test) for report in reports}
+    kept = [row for row in old if (row["study"], row["test"]) in set(tests) - ran]
+    rows = kept + [row for report in reports for row in report.timings]
+    return sorted(rows, key=lambda row: tests.index((row["study"], row["test"])))
+
+
+def data_files(studies: Iterable[Study], timings: Iterable[Mapping[str, str]]) -> dict[str, str]:
+    """Stores and CSV files, text by path relative to the report."""
+    studies = list(studies)
+    claims = [
+        [study.name, *(asdict(claim)[c] for c in CLAIM_COLUMNS[1:])] for study in studies for claim in study.claims
+    ]
+    files = {f"data/{study.name}.json": _json(asdict(study)) for study in studies}
+    files |= {f"data/{table.file}.csv": _csv(table.columns, table.rows) for table in _blocks(studies, Table)}
+    files["data/claims.csv"] = _csv(CLAIM_COLUMNS, claims)
+    files["data/timings.csv"] = _csv(TIMING_COLUMNS, [[row[c] for c in TIMING_COLUMNS] for row in timings])
+    return files
+
+
+def drawings(studies: Iterable[Study]) -> set[str]:
+    """Paths, relative to the report, of the figures of the studies."""
+    return {f"figures/{drawing.file}.svg" for drawing in _blocks(studies, Drawing)}
+
+
+def _blocks(studies: Iterable[Study], kind: type[Block]) -> list[Block]:
+    return [b for study in studies for section in study.sections for b in section.blocks if isinstance(b, kind)]
+
+
+def _json(stored: Mapping[str, Any]) -> str:
+    return json.dumps(stored, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def _csv(columns: Iterable[str], rows: Iterable[Iterable[Value | None]]) -> str:
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows([columns, *rows])
+    return text.getvalue()
