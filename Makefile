@@ -20,7 +20,7 @@ lint: .venv/installed
 # uv if it is there (2 s), else pip (20 s), also on a Python whose venv brings no pip
 .venv/installed: pyproject.toml requirements.lock
 	$(PYTHON) -m venv .venv || $(PYTHON) -m venv --without-pip .venv
-	if command -v uv >/dev/null; then uv pip install --python $(BIN)/python -c requirements.lock -e '.[test,dev]'; \
+	if command -v uv >/dev/null; then uv pip install --compile-bytecode --python $(BIN)/python -c requirements.lock -e '.[test,dev]'; \
 	else $(PYTHON) -m pip --python $(BIN)/python install -q --disable-pip-version-check -c requirements.lock -e '.[test,dev]'; fi
 	touch $@
 

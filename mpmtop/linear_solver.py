@@ -1,8 +1,8 @@
 """Direct solvers for the symmetric positive definite K: analysed once, factored per design, many right-hand sides.
 
 Banded Cholesky (LAPACK) is the fastest that SciPy brings at the sizes of this project; SuperLU is its independent
-check and takes over when the band would not fit in memory; PARDISO, if pypardiso is installed, takes the mid range
-and beyond. No scaling is applied: the rounding error of Cholesky does not change under symmetric diagonal scaling
+check and takes over when the band would not fit in memory; PARDISO, if pypardiso is installed, takes the large
+systems. No scaling is applied: the rounding error of Cholesky does not change under symmetric diagonal scaling
 (Higham, Accuracy and Stability of Numerical Algorithms, 2nd ed., Sect. 10.1.1), so it would buy nothing.
 """
 
@@ -24,8 +24,8 @@ Solve = Callable[[Array], Array]
 
 BAND_BYTES = 2 * 2**30
 """Largest band kept in memory; SuperLU needs less beyond it (250k unknowns of a 2:1 body)."""
-PARDISO_FROM = 10_000
-"""Unknowns from which PARDISO was measured faster than the banded solver."""
+PARDISO_FROM = 100_000
+"""Unknowns from which PARDISO was measured faster than the banded solver (one thread, 2:1 body, analysis included)."""
 SINGULAR = 1e-14
 """A pivot below this part of its diagonal entry is rounding noise: what it stands for carries no stiffness."""
 

@@ -51,6 +51,7 @@ class Run:
     files: set[str] = field(default_factory=set)
     reports: dict[pytest.Function, Report] = field(default_factory=dict)
     summary: list[str] = field(default_factory=list)
+    progress: Progress | None = None  # of the running test
 
 
 RUN = pytest.StashKey[Run]()
@@ -141,39 +142,49 @@ def lock(num_regression: NumericRegressionFixture, original_datadir: Path, reque
     return check
 
 
-@pytest.fixture
-def progress(request: pytest.FixtureRequest) -> ShowProgress:
-    """Progress line of a long iteration, `for design in progress(optimise(scene), "cantilever")`; silent off-screen."""
-    terminal = request.config.stash[RUN].terminal
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object]:
+    """Show a test that takes over two seconds, and what it counts, on a terminal."""
+    run = item.config.stash[RUN]
+    terminal = run.terminal
+    if terminal is None:
+        return (yield)
+    columns = (SpinnerColumn(), TextColumn("{task.description}{task.fields[count]}"), TimeElapsedColumn())
+    run.progress = line = Progress(
+        *columns, console=Console(file=terminal), transient=True, redirect_stdout=False, redirect_stderr=False
+    )
+    line.add_task(item.name, total=None, count="")
+
+    def start() -> None:
+        terminal.write("\n")  # below pytest's own line, which the progress line would overwrite
+        line.start()
+
+    timer = threading.Timer(SHOWN_AFTER, start)
+    timer.start()
+    try:
+        return (yield)
+    finally:
+        timer.cancel()
+        timer.join()
+        line.stop()
+        run.progress = None
+
+
+@pytest.fixture(scope="session")
+def progress(pytestconfig: pytest.Config) -> ShowProgress:
+    """Count a long iteration in the progress line: `for design in progress(optimise(scene), "cantilever")`."""
+    run = pytestconfig.stash[RUN]
 
     def show(iterator: Iterable[Item], label: str) -> Iterator[Item]:
-        if terminal is None:
+        line = run.progress
+        if line is None:
             yield from iterator
             return
-        columns = (
-            SpinnerColumn(),
-            TextColumn("{task.description}, iteration {task.completed:.0f}"),
-            TimeElapsedColumn(),
-        )
-        line = Progress(
-            *columns, console=Console(file=terminal), transient=True, redirect_stdout=False, redirect_stderr=False
-        )
-        task = line.add_task(label, total=None)
-
-        def start() -> None:
-            terminal.write("\n")  # below pytest's own line, which the progress line would overwrite
-            line.start()
-
-        timer = threading.Timer(SHOWN_AFTER, start)
-        timer.start()
-        try:
-            for item in iterator:
-                line.advance(task)
-                yield item
-        finally:
-            timer.cancel()
-            timer.join()
-            line.stop()
+        task = line.add_task(label, total=None, count="")
+        for done, item in enumerate(iterator):
+            line.update(task, count=f", iteration {done}")
+            yield item
+        line.remove_task(task)
 
     return show
 
