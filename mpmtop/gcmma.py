@@ -1,0 +1,435 @@
+"""Method of moving asymptotes (MMA), its globally convergent forms (GCMMA), and optimality criteria.
+
+    minimise f_0(x)  subject to  f_i(x) = g_i(x) <= 0, i = 1..m,  and  lower_j <= x_j <= upper_j, j = 1..n
+
+Around the design x_k every f_i is replaced by a convex separable function with asymptotes x_k -+ sigma. Written in the
+ratio of the distances to the two asymptotes, r = (x - x_k + sigma) / (x_k + sigma - x), it is free of cancellation:
+
+    f~_i(r) = f_i(x_k) + sum_j p_ij (r_j - 1) + q_ij (1 / r_j - 1),        x = x_k + sigma (r - 1) / (r + 1),
+    p_ij = sigma_j / 2 [max(df_ij, 0) + |df_ij| / 1000 + rho_i / range_j],    q_ij: the same with -df_ij.
+
+The curvature rho_i is a small constant in MMA; GCMMA raises it until f~_i >= f_i at the new design. With artificial
+variables y_i = max(0, lam_i - c) every subproblem has a solution: a constraint may be violated at the price
+c y + y^2 / 2. For that price to dominate, the objective is divided by |f_0(x_0)| in here, and constraints should be of
+order one.
+
+Sources: K. Svanberg, Int. J. Numer. Meth. Engng 24 (1987) 359; SIAM J. Optim. 12 (2002) 555; "MMA and GCMMA - two
+methods for nonlinear optimization" (2007). Optimality criteria: E. Andreassen et al., Struct. Multidisc. Optim. 43
+(2011) 1.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Protocol, TypeVar
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+from scipy.optimize import brentq
+
+from mpmtop.scene import Array, NotConverged
+
+PENALTY = 1000.0  # c of the artificial variables; d = 1
+MMA_CURVATURE = 1e-5  # rho of plain MMA
+LEAST_CURVATURE = 1e-6
+# A function counts as conservatively approximated if it exceeds f~ by less than this, relative to the objective and to
+# max(1, |g|): far above the rounding of a direct solve (1e-12), far below any stopping tolerance (1e-4).
+CONSERVATIVE_TOL = 1e-9
+SMALLEST = np.finfo(float).tiny
+
+
+class Evaluation(Protocol):
+    """What one analysis of a design yields."""
+
+    @property
+    def objective(self) -> float:
+        """f_0."""
+
+    @property
+    def constraints(self) -> Array:
+        """g (m,), feasible where g <= 0."""
+
+
+E = TypeVar("E", bound=Evaluation)
+
+
+class Problem(Protocol[E]):
+    """What is optimised; E is the problem's own kind of evaluation."""
+
+    @property
+    def x0(self) -> Array:
+        """Start (n,)."""
+
+    @property
+    def lower(self) -> Array:
+        """Lower bounds (n,)."""
+
+    @property
+    def upper(self) -> Array:
+        """Upper bounds (n,)."""
+
+    @property
+    def fingerprint(self) -> str:
+        """A hash, or a repr, of all that decides the numbers: tells problems apart when a run is resumed."""
+
+    def evaluate(self, x: Array) -> E:
+        """One analysis of the design x (n,): one solve."""
+
+    def gradient(self, evaluation: E) -> tuple[Array, Array]:
+        """Derivatives df0 (n,) and dg (m, n) at the evaluated design."""
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """All an update rule remembers: the last three designs and asymptotes, each (n,), and the curvature rho (m+1,).
+
+    `iteration` counts updates; `scale` = 1 / |f_0(x_0)| multiplies the objective.
+    """
+
+    x: Array
+    x_old: Array
+    x_older: Array
+    low: Array
+    upp: Array
+    curvature: Array
+    iteration: int
+    scale: float
+
+
+class UpdateRule(Protocol):
+    """How the next design is found."""
+
+    def step(self, problem: Problem[E], state: State, evaluation: E, df0: Array, dg: Array) -> tuple[State, E, int]:
+        """Next state, its evaluation and the solves spent, from an evaluated state and its derivatives."""
+
+
+@dataclass(frozen=True, eq=False)
+class Subproblem:
+    """f~ around x_k: values f (m+1,), p and q (m+1, n), sigma (n,); r (n,) between `r_min` and `r_max`."""
+
+    f: Array
+    p: Array
+    q: Array
+    sigma: Array
+    r_min: Array
+    r_max: Array
+
+
+def approximation(sub: Subproblem, r: Array) -> Array:
+    """f~ (m+1,) at r (n,)."""
+    return sub.f + sub.p @ (r - 1) + sub.q @ (1 / r - 1)
+
+
+def dual(sub: Subproblem, lam: Array) -> tuple[Array, Array, Array]:
+    """r (n,) that minimises f~_0 + lam . f~_1..m, f~ (m+1,) there, and d f~_i / d lam_j (m, m), for lam (m,) >= 0.
+
+    r = sqrt(q / p), p and q summed with their multipliers, clipped to its limits; only variables between them move with
+    lam, by dr / dlam_i = -(df~_i / dr) r / (2 p).
+    """
+    weights = np.concatenate(([1.0], lam))
+    p, q = weights @ sub.p, weights @ sub.q
+    r = np.minimum(np.maximum(np.sqrt(q / p), sub.r_min), sub.r_max)
+    inverse = 1 / r
+    value = sub.f + sub.p @ (r - 1) + sub.q @ (inverse - 1)
+    slope = sub.p[1:] - sub.q[1:] * (inverse * inverse)
+    free = (r > sub.r_min) & (r < sub.r_max)
+    return r, value, -(slope * (free * r / (2 * p))) @ slope.T
+
+
+def solve_subproblem(sub: Subproblem) -> Array:
+    """r (n,) of the subproblem's minimum; NotConverged if its dual defies solution (badly scaled constraints)."""
+    return solve_single(sub) if len(sub.f) == 2 else solve_multiple(sub)
+
+
+def solve_single(sub: Subproblem) -> Array:
+    """r (n,) for one constraint: the root lam of f~_1 - y, which decreases with lam, by safeguarded Newton."""
+    df0, dg = (sub.p - sub.q) * ((sub.r_min < 1) & (sub.r_max > 1))
+    low, high = -1.0, np.inf  # low < 0: lam = 0, an inactive constraint, has not been tried
+    lam = min(max(-(df0 @ dg) / max(dg @ dg, SMALLEST), 0.0), PENALTY)  # least squares of stationarity at x_k
+    for _ in range(100):
+        r, f, slope = dual(sub, np.array([lam]))
+        g = f[1] - max(lam - PENALTY, 0.0)
+        if g > 0:
+            low, high = lam, min(high, PENALTY + f[1])
+        elif lam == 0:
+            return r
+        else:
+            high = lam
+        g_slope = slope[0, 0] - (lam >= PENALTY)
+        trial = lam - g / g_slope if g_slope < 0 else np.inf * g
+        if abs(trial - lam) <= 1e-13 * lam or high - low <= 1e-13 * lam:
+            return r
+        if trial <= 0 and low < 0:
+            trial = 0.0
+        elif not low < trial <= high:
+            # only an infeasible subproblem has its root above the penalty; else halve the decades, at most 8 at once
+            trial = PENALTY if low < PENALTY < high else np.sqrt(max(low, 1e-8 * high) * high)
+        lam = trial
+    raise NotConverged("the subproblem's multiplier was not found in 100 steps: scale the constraint to order one")
+
+
+def solve_multiple(sub: Subproblem) -> Array:
+    """r (n,) for any number of constraints: primal-dual interior-point Newton on the dual.
+
+    Solves f~_i - y_i + s_i = 0, lam_i s_i = mu for mu -> 0. Without s the Newton system is symmetric positive definite
+    and its solution ascends the concave dual with a barrier, W(lam) + mu sum log lam; the step is halved while that
+    function already falls steeply at its end (a test on slopes, as its values are lost in rounding long before).
+    """
+    lam = np.ones(len(sub.f) - 1)
+    tol = 1e-10 * (1 + np.abs(sub.f[1:]))  # f~ is exact to about 1e-14 of its terms
+    r, f, slope = dual(sub, lam)
+    g = f[1:]
+    slack = np.maximum(np.abs(g), 1e-8)
+    mu = np.mean(slack)
+    for _ in range(200):
+        ascent = g + mu / lam
+        priced = (lam > PENALTY) | ((lam == PENALTY) & (ascent > 0))
+        d_lam = _solve_scaled(np.diag(priced + slack / lam) - slope, ascent)
+        d_slack = mu / lam - slack * (1 + d_lam / lam)
+        t = _fraction_inside(lam, d_lam)
+        for _ in range(40):
+            # the Hessian jumps at the penalty: a multiplier that would cross it stops there
+            lam_new = lam + t * d_lam
+            lam_new = np.where((lam < PENALTY) & (lam_new > PENALTY), PENALTY, lam_new)
+            r, f, slope = dual(sub, lam_new)
+            g = f[1:] - np.maximum(lam_new - PENALTY, 0)
+            end = g + mu / lam_new
+            if (end + 0.1 * ascent) @ (lam_new - lam) >= 0 or np.all(np.abs(end) <= tol):
+                break
+            t /= 2
+        lam = lam_new
+        # slacks drift from mu / lam where the Hessian jumps; bounded, they keep the direction sound
+        slack = np.clip(slack + _fraction_inside(slack, d_slack) * d_slack, 1e-8 * mu / lam, 1e8 * mu / lam)
+        if np.all(np.abs(g + slack) <= np.maximum(mu, tol)) and np.all(np.abs(lam * slack - mu) <= 0.9 * mu):
+            if mu <= 1e-12:
+                return r
+            mu *= 0.1
+    raise NotConverged("the subproblem's multipliers were not found in 200 steps: scale the constraints to order one")
+
+
+def _solve_scaled(matrix: Array, b: Array) -> Array:
+    """Solution of a positive definite system, its diagonal raised by 1e-14: constraints alike make it singular."""
+    scale = 1 / np.sqrt(np.diag(matrix))
+    return scale * cho_solve(cho_factor(matrix * np.outer(scale, scale) + 1e-14 * np.eye(len(b))), scale * b)
+
+
+def _fraction_inside(value: Array, change: Array) -> float:
+    """The largest step, at most 1, that keeps a hundredth of every positive `value`."""
+    return min(1.0, 0.99 / max(np.max(-change / value), SMALLEST))
+
+
+def initial_state(problem: Problem[E], evaluation: E) -> State:
+    """State at x0, given its evaluation; ValueError if x0, bounds or constraints are unusable."""
+    x, lower, upper = (np.array(a, float) for a in (problem.x0, problem.lower, problem.upper))
+    if not (x.ndim == 1 and x.shape == lower.shape == upper.shape):
+        raise ValueError(
+            f"x0 {x.shape}, lower {lower.shape}, upper {upper.shape}: give three arrays of one length (n,)"
+        )
+    if not (np.all((lower <= x) & (x <= upper)) and np.all(np.isfinite([lower, upper]))):
+        raise ValueError("x0 must lie within finite bounds: clip it, or widen them")
+    m = np.size(evaluation.constraints)
+    if m == 0:
+        raise ValueError("no constraint: give at least one, for example -1 <= 0")
+    scale = 1 / abs(evaluation.objective) if abs(evaluation.objective) > SMALLEST else 1.0
+    half = 0.5 * _range(problem)
+    state = State(x, x, x, x - half, x + half, np.zeros(m + 1), iteration=0, scale=scale)
+    _values(state, evaluation)
+    return state
+
+
+@dataclass(frozen=True)
+class MMA:
+    """Plain MMA (1987, constants of 2007): one subproblem and one solve an iteration; |x - x_k| <= move range."""
+
+    move: float = 0.3
+
+    def __post_init__(self) -> None:
+        _check_move(self.move)
+
+    def step(self, problem: Problem[E], state: State, evaluation: E, df0: Array, dg: Array) -> tuple[State, E, int]:
+        """Next state, its evaluation and the solves spent (1); NotConverged if a value is not finite."""
+        f, df = _functions(state, evaluation, df0, dg)
+        return _step_once(problem, state, f, df, np.full(len(f), MMA_CURVATURE), self.move)
+
+
+@dataclass(frozen=True)
+class SingleStepGCMMA:
+    """GCMMA without its inner loop: rho_i = max(1e-6, 0.1/n sum_j |df_ij| range_j), one solve an iteration."""
+
+    move: float = 0.3
+
+    def __post_init__(self) -> None:
+        _check_move(self.move)
+
+    def step(self, problem: Problem[E], state: State, evaluation: E, df0: Array, dg: Array) -> tuple[State, E, int]:
+        """Next state, its evaluation and the solves spent (1); NotConverged if a value is not finite."""
+        f, df = _functions(state, evaluation, df0, dg)
+        return _step_once(problem, state, f, df, _start_curvature(problem, df), self.move)
+
+
+@dataclass(frozen=True)
+class GCMMA:
+    """Globally convergent MMA: a design is accepted once f~_i >= f_i there for every i.
+
+    So the objective cannot rise from a feasible design. Until then rho_i <- min(1.1 (rho_i + delta_i), 10 rho_i) where
+    f~_i fell short, delta_i = (f_i - f~_i) / (d f~_i / d rho_i). After `max_inner` solves the last, most cautious
+    design is taken. `warm_start` begins at half the last accepted curvature, not at `SingleStepGCMMA`'s.
+    """
+
+    move: float = 0.3
+    warm_start: bool = False
+    max_inner: int = 15
+
+    def __post_init__(self) -> None:
+        _check_move(self.move)
+        if self.max_inner < 1:
+            raise ValueError(f"max_inner {self.max_inner}: allow at least one solve")
+
+    def step(self, problem: Problem[E], state: State, evaluation: E, df0: Array, dg: Array) -> tuple[State, E, int]:
+        """Next state, its evaluation and the solves spent (1 to max_inner); NotConverged if a value is not finite."""
+        f, df = _functions(state, evaluation, df0, dg)
+        rho = _start_curvature(problem, df)
+        if self.warm_start and state.iteration > 0:
+            rho = np.maximum(LEAST_CURVATURE, 0.5 * state.curvature)
+        solves = 0
+        while True:
+            sub = approximate(problem, state, f, df, rho, self.move)
+            r = solve_subproblem(sub)
+            new_state = _advance(problem, state, sub, r, rho)
+            new = problem.evaluate(new_state.x)
+            solves += 1
+            f_new = _values(new_state, new)
+            size = np.abs(f_new)
+            size[1:] = np.maximum(size[1:], 1)
+            shortfall = f_new - approximation(sub, r)
+            short = shortfall > CONSERVATIVE_TOL * size
+            if solves == self.max_inner or not np.any(short):
+                return new_state, new, solves
+            growth = 0.5 * np.sum(sub.sigma / _range(problem) * (r - 1) ** 2 / r)  # d f~ / d rho
+            delta = np.maximum(shortfall, 0) / max(growth, SMALLEST)
+            rho = np.where(short, np.minimum(1.1 * (rho + delta), 10 * rho), rho)
+
+
+@dataclass(frozen=True)
+class OptimalityCriteria:
+    """x <- x sqrt(-df0 / (lam dg)) within the bounds and |x - x_k| <= move range, for one constraint with dg > 0.
+
+    lam makes the linearised constraint hold with equality, or comes as near to it as the move limit allows; df0 > 0
+    counts as 0. One solve an iteration.
+    """
+
+    move: float = 0.2
+
+    def __post_init__(self) -> None:
+        _check_move(self.move)
+
+    def step(self, problem: Problem[E], state: State, evaluation: E, df0: Array, dg: Array) -> tuple[State, E, int]:
+        """Next state, its evaluation and the solves spent (1); ValueError if the constraint does not suit the rule."""
+        f, df = _functions(state, evaluation, df0, dg)
+        movable = problem.upper > problem.lower
+        if len(f) != 2 or not np.all(df[1, movable] > 0):
+            raise ValueError("optimality criteria need one constraint that grows with every variable: use MMA or GCMMA")
+        x, limit = state.x, self.move * (problem.upper - problem.lower)
+        x_min, x_max = np.maximum(problem.lower, x - limit), np.minimum(problem.upper, x + limit)
+        benefit = np.sqrt(np.maximum(-df[0], 0) / np.where(movable, df[1], 1))
+        benefit /= max(np.max(benefit), SMALLEST)
+
+        def design(log_lam: float) -> Array:
+            return np.clip(x * benefit * np.exp(-0.5 * log_lam), x_min, x_max)
+
+        def constraint(log_lam: float) -> float:
+            return float(f[1] + df[1] @ (design(log_lam) - x))
+
+        # 35 decades to either side of the largest benefit: beyond them every design stands at a limit
+        if constraint(-80) <= 0:
+            log_lam = -80.0
+        elif constraint(80) >= 0:
+            log_lam = 80.0
+        else:
+            log_lam = brentq(constraint, -80, 80, xtol=1e-15, rtol=4 * np.finfo(float).eps)
+        new_state = replace(state, x=design(log_lam), x_old=x, x_older=state.x_old, iteration=state.iteration + 1)
+        new = problem.evaluate(new_state.x)
+        _values(new_state, new)
+        return new_state, new, 1
+
+
+def approximate(problem: Problem[E], state: State, f: Array, df: Array, rho: Array, move: float) -> Subproblem:
+    """Subproblem at state.x from f (m+1,), df (m+1, n) and curvature rho (m+1,); asymptotes after Svanberg (2007).
+
+    sigma is half the range for two iterations, then 1.2 times the last where a variable went on in one direction and
+    0.7 times where it turned, within 0.01 and 10 ranges. A tenth of sigma is kept to the asymptote.
+    """
+    x, span = state.x, _range(problem)
+    if state.iteration < 2:
+        sigma = 0.5 * span
+    else:
+        trend = np.sign((x - state.x_old) * (state.x_old - state.x_older))
+        factor = np.where(trend > 0, 1.2, np.where(trend < 0, 0.7, 1.0))
+        sigma = np.clip(factor * 0.5 * (state.upp - state.low), 0.01 * span, 10 * span)
+    floor = 0.001 * np.abs(df) + rho[:, None] / span
+    limit = np.minimum(0.9, move * span / sigma)
+    down, up = np.minimum(limit, (x - problem.lower) / sigma), np.minimum(limit, (problem.upper - x) / sigma)
+    return Subproblem(
+        f,
+        p=0.5 * sigma * (np.maximum(df, 0) + floor),
+        q=0.5 * sigma * (np.maximum(-df, 0) + floor),
+        sigma=sigma,
+        r_min=(1 - down) / (1 + down),
+        r_max=(1 + up) / (1 - up),
+    )
+
+
+def _range(problem: Problem[E]) -> Array:
+    """upper - lower, and 1 where a variable is fixed: no step is possible there, only the divisions remain sound."""
+    span = problem.upper - problem.lower
+    return np.where(span > 0, span, 1.0)
+
+
+def _values(state: State, evaluation: Evaluation) -> Array:
+    """Scaled objective, then constraints: f (m+1,), for the iteration of `state`."""
+    f = np.append(state.scale * evaluation.objective, evaluation.constraints)
+    if not np.all(np.isfinite(f)):
+        raise NotConverged(
+            f"iteration {state.iteration}: objective {evaluation.objective}, constraints "
+            f"{evaluation.constraints} are not all finite; check the analysis of this design"
+        )
+    return f
+
+
+def _functions(state: State, evaluation: Evaluation, df0: Array, dg: Array) -> tuple[Array, Array]:
+    """Values f (m+1,) and derivatives df (m+1, n), the objective's scaled, at the design of `state`."""
+    f, df = _values(state, evaluation), np.vstack([state.scale * df0, dg])
+    if df.shape != (len(f), len(state.x)):
+        raise ValueError(
+            f"derivatives of shape {df.shape}: give df0 (n,) and dg (m, n), {(len(f), len(state.x))} in all"
+        )
+    if not np.all(np.isfinite(df)):
+        raise NotConverged(
+            f"iteration {state.iteration}: {np.count_nonzero(~np.isfinite(df))} derivatives are not finite; "
+            "check the gradient of this design"
+        )
+    return f, df
+
+
+def _start_curvature(problem: Problem[E], df: Array) -> Array:
+    """Svanberg's first rho (m+1,)."""
+    return np.maximum(LEAST_CURVATURE, 0.1 / df.shape[1] * (np.abs(df) @ (problem.upper - problem.lower)))
+
+
+def _advance(problem: Problem[E], state: State, sub: Subproblem, r: Array, rho: Array) -> State:
+    """The state at the solution r of the subproblem."""
+    x = np.clip(state.x + sub.sigma * (r - 1) / (r + 1), problem.lower, problem.upper)
+    low, upp = state.x - sub.sigma, state.x + sub.sigma
+    return State(x, state.x, state.x_old, low, upp, rho, state.iteration + 1, state.scale)
+
+
+def _step_once(problem: Problem[E], state: State, f: Array, df: Array, rho: Array, move: float) -> tuple[State, E, int]:
+    """One subproblem, one solve, no question asked."""
+    sub = approximate(problem, state, f, df, rho, move)
+    new_state = _advance(problem, state, sub, solve_subproblem(sub), rho)
+    new = problem.evaluate(new_state.x)
+    _values(new_state, new)
+    return new_state, new, 1
+
+
+def _check_move(move: float) -> None:
+    if not 0 < move <= 1:
+        raise ValueError(f"move {move}: give a fraction of the variables' range above 0 and at most 1")
