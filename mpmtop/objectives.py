@@ -1,9 +1,39 @@
-"""Objectives: value and gradient with respect to the point moduli, both from one state of equilibrium."""
+"""Objectives: value, and gradient with respect to densities and moduli, both from one state of equilibrium.
+
+The state depends on the densities rho (p,) through the point moduli E (p,) only; an objective may depend on rho
+besides. A gradient is the pair (dJ/drho at fixed state, dJ/dE), each (p,), to which SIMP's chain rule is applied.
+"""
+
+from collections.abc import Callable
+from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
 from mpmtop.equilibrium import Equilibrium, Model
-from mpmtop.scene import Array
+from mpmtop.material import von_mises
+from mpmtop.scene import Array, Compliance, PNormStress, Scene
+
+
+class Objective(NamedTuple):
+    """Value and gradient of one objective; `solves` counts the linear solves the gradient takes."""
+
+    value: Callable[[Model, Equilibrium, Array], float]
+    gradient: Callable[[Model, Equilibrium, Array], tuple[Array, Array]]
+    solves: int
+
+
+def objective(scene: Scene) -> Objective:
+    """The scene's objective."""
+    match scene.objective:
+        case Compliance():
+            return Objective(
+                lambda model, state, rho: compliance(model, state),
+                lambda model, state, rho: (np.zeros_like(rho), compliance_gradient(model, state)),
+                solves=0,
+            )
+        case PNormStress(p, q):
+            return Objective(partial(p_norm_stress, p=p, q=q), partial(p_norm_stress_gradient, p=p, q=q), solves=1)
 
 
 def compliance(model: Model, state: Equilibrium) -> float:
@@ -14,7 +44,60 @@ def compliance(model: Model, state: Equilibrium) -> float:
 def compliance_gradient(model: Model, state: Equilibrium) -> Array:
     """dJ1/dE_p = -V_p eps_p . D eps_p, (p,): Eq. (16) before the chain rule through SIMP.
 
-    From L = f.u - lambda.(f_int(u) - f): dL/du = 0 gives K lambda = f, so lambda = u (self-adjoint, no further solve)
-    and dJ1/dE_p = -u . dK/dE_p u, the negative of the strain energy's double at unit modulus.
+    From L = J + lambda.(f_ext - f_int(u)): dL/du = 0 gives K lambda = dJ/du = f_ext, so lambda = u (self-adjoint, no
+    further solve) and dJ1/dE_p = -u . dK/dE_p u.
     """
-    return -model.points.volume * np.sum(state.strain @ model.D * state.strain, axis=1)
+    return _by_moduli(model, state.strain, state.strain)
+
+
+def p_norm_stress(model: Model, state: Equilibrium, rho: Array, *, p: float, q: float) -> float:
+    """J2 = (sum_p s_p^p)^(1/p), s_p = rho_p^q vm(E0 D eps_p) (Eq. 9), scaled by the largest s against overflow."""
+    return _p_norm(rho**q * _solid_von_mises(model, state)[1], p)
+
+
+def p_norm_stress_gradient(model: Model, state: Equilibrium, rho: Array, *, p: float, q: float) -> tuple[Array, Array]:
+    """Gradient of J2; one solve with the state's factorisation, K lambda = dJ2/du.
+
+    w_p = dJ2/ds_p = (s_p / J2)^(p-1), in [0, 1]. At fixed state dJ2/drho_p = w_p q s_p / rho_p, which tends to zero at
+    rho_p = 0 for q p > 1. dJ2/du = sum_p w_p rho_p^q E0 B_p^T D dvm/dsigma_p; dJ2/dE_p = -V_p eps_p(lambda) . D eps_p.
+    A point without stress has no direction in which its von Mises stress grows: it counts as zero.
+    (Eqs. 17 to 20 of the paper, from L = J + lambda.(f_ext - f_int(u)).)
+    """
+    stress, vm = _solid_von_mises(model, state)
+    s = rho**q * vm
+    J = _p_norm(s, p)
+    if J == 0:
+        return np.zeros_like(rho), np.zeros_like(rho)
+    w = (s / J) ** (p - 1)
+    explicit = np.divide(w * q * s, rho, out=np.zeros_like(rho), where=rho > 0)
+    by_stress = stress @ _von_mises_form(model)  # vm dvm/dsigma
+    direction = np.divide(by_stress, vm[:, None], out=np.zeros_like(by_stress), where=vm[:, None] > 0)
+    E0 = model.scene.material.young
+    by_strain = (w * rho**q * E0)[:, None] * (direction @ model.D)
+    adjoint = np.zeros_like(state.u)
+    free = model.stiffness.dof
+    adjoint[free] = state.solve((model.transfer.B.T @ by_strain.ravel())[free])
+    return explicit, _by_moduli(model, model.transfer.strain(adjoint), state.strain)
+
+
+def _by_moduli(model: Model, adjoint_strain: Array, strain: Array) -> Array:
+    """dJ/dE_p = -V_p eps_p(lambda) . D eps_p(u), (p,)."""
+    return -model.points.volume * np.sum(adjoint_strain @ model.D * strain, axis=1)
+
+
+def _solid_von_mises(model: Model, state: Equilibrium) -> tuple[Array, Array]:
+    """Stress (p, 3) and von Mises stress (p,) of solid material under the strains of the state."""
+    stress = model.scene.material.young * (state.strain @ model.D)
+    return stress, von_mises(stress, model.scene.material)
+
+
+def _von_mises_form(model: Model) -> Array:
+    """Q (3, 3) with vm^2 = sigma . Q sigma for plane stresses, sigma_zz included."""
+    nu = model.scene.material.poisson if model.scene.material.plane == "strain" else 0.0
+    a, b = 1 - nu + nu**2, -(1 + 2 * nu - 2 * nu**2) / 2
+    return np.array([[a, b, 0], [b, a, 0], [0, 0, 3.0]])
+
+
+def _p_norm(s: Array, p: float) -> float:
+    largest = float(np.max(s))
+    return largest * float(np.sum((s / largest) ** p)) ** (1 / p) if largest > 0 else 0.0

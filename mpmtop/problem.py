@@ -9,7 +9,7 @@ import numpy as np
 from mpmtop.design import DensityFilter, density_filter
 from mpmtop.equilibrium import Equilibrium, Model, equilibrium
 from mpmtop.material import simp
-from mpmtop.objectives import compliance, compliance_gradient
+from mpmtop.objectives import Objective, objective
 from mpmtop.scene import Array
 
 
@@ -29,8 +29,8 @@ class Evaluation:
 
 
 @dataclass(frozen=True, eq=False)
-class ComplianceProblem:
-    """Minimise f.u subject to sum V_p rho_p <= V* sum V_p over the design variables of a model's points."""
+class DesignProblem:
+    """Minimise the scene's objective subject to sum V_p rho_p <= V* sum V_p over one design variable for each point."""
 
     model: Model
 
@@ -38,6 +38,11 @@ class ComplianceProblem:
     def filter(self) -> DensityFilter:
         """The density filter of the scene's radius."""
         return density_filter(self.model.points, self.model.scene.filter_radius)
+
+    @cached_property
+    def objective(self) -> Objective:
+        """The objective of the scene."""
+        return objective(self.model.scene)
 
     @cached_property
     def x0(self) -> Array:
@@ -74,21 +79,25 @@ class ComplianceProblem:
         moduli = scene.material.young * simp(rho, scene.penal, scene.contrast)[0]
         state = equilibrium(self.model, moduli)
         constraints = np.array([self._volume_weight @ rho - 1])
-        return Evaluation(compliance(self.model, state), constraints, rho, state)
+        return Evaluation(self.objective.value(self.model, state, rho), constraints, rho, state)
 
     def evaluate(self, design: Array) -> Evaluation:
         """Value only: one solve."""
         return self.analyse(self.filter(design))
 
     def gradient(self, evaluation: Evaluation) -> tuple[Array, Array]:
-        """dJ/ddesign (p,) and dg/ddesign (1, p) of an evaluation; no further solve."""
-        scene = self.model.scene
-        d_moduli = scene.material.young * simp(evaluation.rho, scene.penal, scene.contrast)[1]
-        d_rho = compliance_gradient(self.model, evaluation.state) * d_moduli
+        """dJ/ddesign (p,) and dg/ddesign (1, p) of an evaluation, with its factorisation."""
+        d_rho = self.density_gradient(evaluation)
         return self.filter.adjoint(d_rho), self.filter.adjoint(self._volume_weight)[None]
 
+    def density_gradient(self, evaluation: Evaluation) -> Array:
+        """dJ/drho (p,), by the physical densities."""
+        scene = self.model.scene
+        by_rho, by_moduli = self.objective.gradient(self.model, evaluation.state, evaluation.rho)
+        return by_rho + by_moduli * scene.material.young * simp(evaluation.rho, scene.penal, scene.contrast)[1]
 
-def plan(problem: ComplianceProblem) -> str:
+
+def plan(problem: DesignProblem) -> str:
     """What an analysis of the problem computes and what it skips, and why: one line each, to print."""
     model = problem.model
     total, active = int(np.prod(model.grid.nodes)), len(model.transfer.nodes)
@@ -103,8 +112,10 @@ def plan(problem: ComplianceProblem) -> str:
         f"stiffness: {model.stiffness.data_map.shape[0]} entries of the lower triangle, one sparse product each",
         f"solver: {type(model.solver).__name__}, one factorisation for a design",
         "Newton: one step, the scene is linear; the tangent of a further one would be the same",
-        "adjoint solve: skipped, compliance is self-adjoint",
-        "stresses: skipped, the objective needs none",
+        "adjoint solve: one, with the factorisation of the state"
+        if problem.objective.solves
+        else "adjoint solve: skipped, compliance is self-adjoint",
+        "stresses: at every point" if problem.objective.solves else "stresses: skipped, the objective needs none",
         f"filter: {problem.filter.matrix.nnz} weights, built once",
     ]
     return "\n".join(lines)

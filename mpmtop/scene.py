@@ -76,6 +76,23 @@ class Rectangle:
 
 
 @dataclass(frozen=True)
+class Difference:
+    """What lies in `whole` and not in `hole`."""
+
+    whole: Region
+    hole: Region
+
+    @property
+    def bounds(self) -> tuple[Array, Array]:
+        """Lower and upper corner of `whole`, each (2,)."""
+        return self.whole.bounds
+
+    def contains(self, x: Array, tol: float = 0.0) -> Mask:
+        """Which of the positions x (n, 2) lie in the difference grown by `tol`: (n,)."""
+        return self.whole.contains(x, tol) & ~self.hole.contains(x, -tol)
+
+
+@dataclass(frozen=True)
 class Material:
     """Isotropic linear elasticity: Young's modulus E0 of the solid, Poisson's ratio, plane strain or plane stress."""
 
@@ -160,8 +177,31 @@ class RegionLoad:
 
 
 @dataclass(frozen=True)
+class Compliance:
+    """J1 = f_ext . u (Eq. 8)."""
+
+
+@dataclass(frozen=True)
+class PNormStress:
+    """J2 = (sum_p (rho_p^q vm_p)^p)^(1/p) over all material points (Eq. 9).
+
+    vm is the von Mises stress of solid material, with modulus E0, under the strain at the point; the relaxation rho^q,
+    0 < q < penal, takes it away from voids.
+    """
+
+    p: float = 12.0
+    q: float = 0.5
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.p < np.inf:
+            raise InvalidScene(f"p-norm exponent {self.p}: give a finite number of at least 1")
+        if not 0 <= self.q < np.inf:
+            raise InvalidScene(f"stress relaxation q {self.q}: give a finite number of at least 0")
+
+
+@dataclass(frozen=True)
 class Scene:
-    """Minimise compliance over the densities rho of the domain, at most `volume_fraction` of it solid (Eq. 8).
+    """Minimise `objective` over the densities rho of the domain, at most `volume_fraction` of it solid (Eq. 8).
 
     The stiffness law is Eq. (10), E = E0 (contrast + rho^penal (1 - contrast)) with contrast = E_min / E0; densities
     are those of the design after a density filter of radius `filter_radius` [length]; rho_min <= design <= 1.
@@ -177,6 +217,7 @@ class Scene:
     penal: float = 3.0
     contrast: float = 1e-9
     rho_min: float = 1e-3
+    objective: Compliance | PNormStress = field(default_factory=Compliance)
 
     def __post_init__(self) -> None:
         lower, upper = self.domain.bounds

@@ -8,13 +8,13 @@ import pytest
 
 from mpmtop import export
 from mpmtop.equilibrium import discretise
-from mpmtop.problem import ComplianceProblem
+from mpmtop.problem import DesignProblem
 from tests.scenes import cantilever
 
 
 def test_points_and_grid_round_trip(tmp_path: Path) -> None:
     model = discretise(cantilever(), 1.0)
-    problem = ComplianceProblem(model)
+    problem = DesignProblem(model)
     evaluation = problem.evaluate(problem.x0)
     state = evaluation.state
     export.write_points(tmp_path / "points.vtu", model, state, evaluation.rho)
@@ -39,7 +39,7 @@ def test_points_and_grid_round_trip(tmp_path: Path) -> None:
 
 def test_failed_write_leaves_the_old_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     model = discretise(cantilever(), 1.0)
-    problem = ComplianceProblem(model)
+    problem = DesignProblem(model)
     target = tmp_path / "grid.vtu"
     target.write_text("old")
 

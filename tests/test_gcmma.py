@@ -8,24 +8,20 @@ import numpy as np
 import pytest
 from scipy.optimize import nnls
 
-import mpmtop.gcmma as gcmma
+import mpmtop.subproblem as subproblem
 from mpmtop.gcmma import (
     GCMMA,
     MMA,
     MMA_CURVATURE,
-    PENALTY,
     OptimalityCriteria,
     SingleStepGCMMA,
     State,
-    Subproblem,
     UpdateRule,
     approximate,
-    approximation,
     initial_state,
-    solve_multiple,
-    solve_single,
 )
 from mpmtop.scene import Array, NotConverged
+from mpmtop.subproblem import PENALTY, Subproblem, approximation, solve_multiple, solve_single
 
 Function = Callable[[Array], Any]
 RULES: list[UpdateRule] = [MMA(), GCMMA(), GCMMA(warm_start=True), SingleStepGCMMA()]
@@ -285,7 +281,7 @@ def test_many_parallel_constraints() -> None:
 def test_newton_needs_few_evaluations(monkeypatch: pytest.MonkeyPatch) -> None:
     """On a volume-constrained problem of 3,200 variables: at most 8 evaluations of the dual a subproblem."""
     rng = np.random.default_rng(5)
-    n, calls, dual = 3200, [0], gcmma.dual
+    n, calls, dual = 3200, [0], subproblem.dual
 
     def counted(sub: Subproblem, lam: Array) -> tuple[Array, Array, Array]:
         calls[0] += 1
@@ -301,7 +297,7 @@ def test_newton_needs_few_evaluations(monkeypatch: pytest.MonkeyPatch) -> None:
         np.full(n, 1e-3),
         np.ones(n),
     )
-    monkeypatch.setattr(gcmma, "dual", counted)
+    monkeypatch.setattr(subproblem, "dual", counted)
     steps(problem, MMA(), 20)
     assert calls[0] <= 8 * 20
 

@@ -9,7 +9,7 @@ import pytest
 ROOT = Path(__file__).parent.parent
 ORDER = [
     *("scene", "grid", "points", "shape_functions", "transfer", "material", "stiffness", "linear_solver"),
-    *("equilibrium", "objectives", "design", "problem", "gcmma", "optimize", "export"),
+    *("equilibrium", "objectives", "design", "problem", "subproblem", "gcmma", "optimize", "export"),
 ]
 LIBRARIES = {"mpmtop": {"numpy", "scipy", "pypardiso"}, "reference_fem": {"numpy", "scipy", "skfem", "mpmtop"}}
 STANDARD = sys.stdlib_module_names

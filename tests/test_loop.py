@@ -9,7 +9,7 @@ import pytest
 from mpmtop.equilibrium import discretise
 from mpmtop.gcmma import GCMMA, MMA, OptimalityCriteria, SingleStepGCMMA, UpdateRule
 from mpmtop.optimize import CheckpointError, design_change, optimize
-from mpmtop.problem import ComplianceProblem
+from mpmtop.problem import DesignProblem
 from mpmtop.scene import Material, PointLoad, Rectangle, Scene, Support
 from mpmtop.shape_functions import gimp
 from reference_fem.simp import compliance_problem
@@ -49,8 +49,8 @@ RULES = [GCMMA(), GCMMA(warm_start=True), SingleStepGCMMA(), MMA(), OptimalityCr
 def test_resumed_cantilever_is_the_same_bit_for_bit(rule: UpdateRule, tmp_path: Path) -> None:
     """Interrupted after iterations 1, 4 and 9, each time with all objects built anew, as after a kill."""
 
-    def problem() -> ComplianceProblem:
-        return ComplianceProblem(discretise(cantilever(), 1.0))
+    def problem() -> DesignProblem:
+        return DesignProblem(discretise(cantilever(), 1.0))
 
     whole = list(optimize(problem(), rule, max_iterations=14))
     file = tmp_path / "run.npz"
@@ -60,6 +60,6 @@ def test_resumed_cantilever_is_the_same_bit_for_bit(rule: UpdateRule, tmp_path: 
     assert (last.iteration, last.solves) == (whole[-1].iteration, whole[-1].solves)
     assert last.objective == whole[-1].objective
     np.testing.assert_array_equal(last.x, whole[-1].x)
-    other = ComplianceProblem(discretise(cantilever(), 1.0, shape_function=gimp))
+    other = DesignProblem(discretise(cantilever(), 1.0, shape_function=gimp))
     with pytest.raises(CheckpointError, match="another problem"):
         next(iter(optimize(other, rule, checkpoint=file)))

@@ -7,7 +7,7 @@ from mpmtop.design import density_filter
 from mpmtop.equilibrium import discretise
 from mpmtop.material import simp
 from mpmtop.points import MaterialPoints
-from mpmtop.problem import ComplianceProblem, plan
+from mpmtop.problem import DesignProblem, plan
 from mpmtop.shape_functions import ShapeFunction, bspline2, gimp, tent
 from tests.scenes import cantilever
 
@@ -53,7 +53,7 @@ def test_simp_ends_and_slope() -> None:
 def test_gradient_has_a_second_order_remainder(shape_function: ShapeFunction, shift: float) -> None:
     """Taylor test: J(x + t d) - J(x) - t dJ.d falls as t^2, at a random design and direction, with crossing."""
     points = discretise(cantilever(), 1.0).points.moved((shift, 0.0))
-    problem = ComplianceProblem(discretise(cantilever(), 1.0, points=points, shape_function=shape_function))
+    problem = DesignProblem(discretise(cantilever(), 1.0, points=points, shape_function=shape_function))
     rng = np.random.default_rng(1)
     x, d = rng.uniform(0.2, 0.8, (2, 128)) - [[0], [0.5]]
     at = problem.evaluate(x)
@@ -67,7 +67,7 @@ def test_gradient_has_a_second_order_remainder(shape_function: ShapeFunction, sh
 
 
 def test_start_is_feasible_and_uniform() -> None:
-    problem = ComplianceProblem(discretise(cantilever(), 1.0))
+    problem = DesignProblem(discretise(cantilever(), 1.0))
     start = problem.evaluate(problem.x0)
     np.testing.assert_allclose(start.rho, 0.4, rtol=1e-14)
     assert abs(start.constraints[0]) < 1e-14
@@ -75,16 +75,16 @@ def test_start_is_feasible_and_uniform() -> None:
 
 def test_fingerprint_tells_problems_apart() -> None:
     scenes = [cantilever(), cantilever(filter_radius=2.0), cantilever(volume_fraction=0.5)]
-    problems = [ComplianceProblem(discretise(s, 1.0, shape_function=f)) for s in scenes for f in (tent, gimp)]
+    problems = [DesignProblem(discretise(s, 1.0, shape_function=f)) for s in scenes for f in (tent, gimp)]
     assert len({p.fingerprint for p in problems}) == 6
-    assert problems[0].fingerprint == ComplianceProblem(discretise(cantilever(), 1.0)).fingerprint
+    assert problems[0].fingerprint == DesignProblem(discretise(cantilever(), 1.0)).fingerprint
 
 
 def test_plan_says_what_is_skipped() -> None:
-    text = plan(ComplianceProblem(discretise(cantilever(), 1.0, shape_function=gimp)))
+    text = plan(DesignProblem(discretise(cantilever(), 1.0, shape_function=gimp)))
     assert "nodes: 45 of 117" in text  # 9 x 5 of a grid with two cells of margin on every side
     assert "128 of 128 points need no more than the 4" in text  # no domain leaves its cell
     assert "adjoint solve: skipped" in text
     shifted = discretise(cantilever(), 1.0).points.moved((0.3, 0.0))
-    text = plan(ComplianceProblem(discretise(cantilever(), 1.0, points=shifted, shape_function=gimp)))
+    text = plan(DesignProblem(discretise(cantilever(), 1.0, points=shifted, shape_function=gimp)))
     assert "64 of 128 points" in text  # one column of two crosses

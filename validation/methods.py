@@ -81,7 +81,7 @@ def material_points(shape_function: ShapeFunction, name: str) -> Callable[[Scene
             state = evaluation.state
             return von_mises(model.stress(state.moduli, state.strain), scene.material)
 
-        return Analyser(name, problem.ComplianceProblem(model), model.points.x, model.points.half_length, stress)
+        return Analyser(name, problem.DesignProblem(model), model.points.x, model.points.half_length, stress)
 
     return build
 

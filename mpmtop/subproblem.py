@@ -1,0 +1,133 @@
+"""The convex separable subproblem of the method of moving asymptotes, and its solution by the dual.
+
+    minimise f~_0(r) + sum_i c y_i + y_i^2 / 2  subject to  f~_i(r) <= y_i, y_i >= 0, r_min <= r <= r_max,
+    f~_i(r) = f_i + sum_j p_ij (r_j - 1) + q_ij (1 / r_j - 1)
+
+See `gcmma` for what p, q and r are. One constraint: the dual has one variable, found by safeguarded Newton. More: a
+primal-dual interior point method.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+
+from mpmtop.scene import Array, NotConverged
+
+PENALTY = 1000.0  # c of the artificial variables
+SMALLEST = np.finfo(float).tiny
+
+
+@dataclass(frozen=True, eq=False)
+class Subproblem:
+    """f~ around x_k: values f (m+1,), p and q (m+1, n), sigma (n,); r (n,) between `r_min` and `r_max`."""
+
+    f: Array
+    p: Array
+    q: Array
+    sigma: Array
+    r_min: Array
+    r_max: Array
+
+
+def approximation(sub: Subproblem, r: Array) -> Array:
+    """f~ (m+1,) at r (n,)."""
+    return sub.f + sub.p @ (r - 1) + sub.q @ (1 / r - 1)
+
+
+def dual(sub: Subproblem, lam: Array) -> tuple[Array, Array, Array]:
+    """r (n,) that minimises f~_0 + lam . f~_1..m, f~ (m+1,) there, and d f~_i / d lam_j (m, m), for lam (m,) >= 0.
+
+    r = sqrt(q / p), p and q summed with their multipliers, clipped to its limits; only variables between them move with
+    lam, by dr / dlam_i = -(df~_i / dr) r / (2 p).
+    """
+    weights = np.concatenate(([1.0], lam))
+    p, q = weights @ sub.p, weights @ sub.q
+    r = np.minimum(np.maximum(np.sqrt(q / p), sub.r_min), sub.r_max)
+    inverse = 1 / r
+    value = sub.f + sub.p @ (r - 1) + sub.q @ (inverse - 1)
+    slope = sub.p[1:] - sub.q[1:] * (inverse * inverse)
+    free = (r > sub.r_min) & (r < sub.r_max)
+    return r, value, -(slope * (free * r / (2 * p))) @ slope.T
+
+
+def solve_subproblem(sub: Subproblem) -> Array:
+    """r (n,) of the subproblem's minimum; NotConverged if its dual defies solution (badly scaled constraints)."""
+    return solve_single(sub) if len(sub.f) == 2 else solve_multiple(sub)
+
+
+def solve_single(sub: Subproblem) -> Array:
+    """r (n,) for one constraint: the root lam of f~_1 - y, which decreases with lam, by safeguarded Newton."""
+    df0, dg = (sub.p - sub.q) * ((sub.r_min < 1) & (sub.r_max > 1))
+    low, high = -1.0, np.inf  # low < 0: lam = 0, an inactive constraint, has not been tried
+    lam = min(max(-(df0 @ dg) / max(dg @ dg, SMALLEST), 0.0), PENALTY)  # least squares of stationarity at x_k
+    for _ in range(100):
+        r, f, slope = dual(sub, np.array([lam]))
+        g = f[1] - max(lam - PENALTY, 0.0)
+        if g > 0:
+            low, high = lam, min(high, PENALTY + f[1])
+        elif lam == 0:
+            return r
+        else:
+            high = lam
+        g_slope = slope[0, 0] - (lam >= PENALTY)
+        trial = lam - g / g_slope if g_slope < 0 else np.inf * g
+        if abs(trial - lam) <= 1e-13 * lam or high - low <= 1e-13 * lam:
+            return r
+        if trial <= 0 and low < 0:
+            trial = 0.0
+        elif not low < trial <= high:
+            # only an infeasible subproblem has its root above the penalty; else halve the decades, at most 8 at once
+            trial = PENALTY if low < PENALTY < high else np.sqrt(max(low, 1e-8 * high) * high)
+        lam = trial
+    raise NotConverged("the subproblem's multiplier was not found in 100 steps: scale the constraint to order one")
+
+
+def solve_multiple(sub: Subproblem) -> Array:
+    """r (n,) for any number of constraints: primal-dual interior-point Newton on the dual.
+
+    Solves f~_i - y_i + s_i = 0, lam_i s_i = mu for mu -> 0. Without s the Newton system is symmetric positive definite
+    and its solution ascends the concave dual with a barrier, W(lam) + mu sum log lam; the step is halved while that
+    function already falls steeply at its end (a test on slopes, as its values are lost in rounding long before).
+    """
+    lam = np.ones(len(sub.f) - 1)
+    tol = 1e-10 * (1 + np.abs(sub.f[1:]))  # f~ is exact to about 1e-14 of its terms
+    r, f, slope = dual(sub, lam)
+    g = f[1:]
+    slack = np.maximum(np.abs(g), 1e-8)
+    mu = np.mean(slack)
+    for _ in range(200):
+        ascent = g + mu / lam
+        priced = (lam > PENALTY) | ((lam == PENALTY) & (ascent > 0))
+        d_lam = _solve_scaled(np.diag(priced + slack / lam) - slope, ascent)
+        d_slack = mu / lam - slack * (1 + d_lam / lam)
+        t = _fraction_inside(lam, d_lam)
+        for _ in range(40):
+            # the Hessian jumps at the penalty: a multiplier that would cross it stops there
+            lam_new = lam + t * d_lam
+            lam_new = np.where((lam < PENALTY) & (lam_new > PENALTY), PENALTY, lam_new)
+            r, f, slope = dual(sub, lam_new)
+            g = f[1:] - np.maximum(lam_new - PENALTY, 0)
+            end = g + mu / lam_new
+            if (end + 0.1 * ascent) @ (lam_new - lam) >= 0 or np.all(np.abs(end) <= tol):
+                break
+            t /= 2
+        lam = lam_new
+        # slacks drift from mu / lam where the Hessian jumps; bounded, they keep the direction sound
+        slack = np.clip(slack + _fraction_inside(slack, d_slack) * d_slack, 1e-8 * mu / lam, 1e8 * mu / lam)
+        if np.all(np.abs(g + slack) <= np.maximum(mu, tol)) and np.all(np.abs(lam * slack - mu) <= 0.9 * mu):
+            if mu <= 1e-12:
+                return r
+            mu *= 0.1
+    raise NotConverged("the subproblem's multipliers were not found in 200 steps: scale the constraints to order one")
+
+
+def _solve_scaled(matrix: Array, b: Array) -> Array:
+    """Solution of a positive definite system, its diagonal raised by 1e-14: constraints alike make it singular."""
+    scale = 1 / np.sqrt(np.diag(matrix))
+    return scale * cho_solve(cho_factor(matrix * np.outer(scale, scale) + 1e-14 * np.eye(len(b))), scale * b)
+
+
+def _fraction_inside(value: Array, change: Array) -> float:
+    """The largest step, at most 1, that keeps a hundredth of every positive `value`."""
+    return min(1.0, 0.99 / max(np.max(-change / value), SMALLEST))
