@@ -81,7 +81,7 @@ def discretise(
     f_ext = external_force(scene, grid, points, operators)
     held = held_dofs(scene, position, tol=1e-9 * min(hx, hy))
     D = tangent(scene.material)
-    K = stiffness(points, operators, D, held, position)
+    K = stiffness(grid, points, operators, D, held)
     if not np.any(f_ext[K.dof]):
         raise LoadOutsideBody(
             "the loads act on held nodes only: move them away from the supports, or make them nonzero"

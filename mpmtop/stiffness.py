@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
+from mpmtop.grid import Grid
 from mpmtop.points import MaterialPoints
 from mpmtop.scene import Array, Index, Mask
 from mpmtop.transfer import Transfer
@@ -32,14 +33,22 @@ class Stiffness:
         return self.data_map @ moduli
 
 
-def stiffness(points: MaterialPoints, transfer: Transfer, D: Array, held: Mask, node_positions: Array) -> Stiffness:
-    """Pattern and map of K, with tangent D (3, 3) at unit modulus and the `held` (2a,) degrees of freedom left out.
+def narrow_order(grid: Grid, transfer: Transfer) -> Index:
+    """Order (a,) of the active nodes that keeps the band of K narrow: by columns, rows or diagonals of the grid,
+    whichever spreads a point's nodes least. Columns suit a long body, diagonals an L."""
+    i, j = np.divmod(transfer.nodes, grid.nodes[1])
 
-    Unknowns are numbered across the body's shorter side first, which keeps the band of K narrow.
-    """
-    x = node_positions - node_positions.min(axis=0)
-    major = int(np.argmax(x.max(axis=0)))
-    order = np.lexsort((x[:, 1 - major], x[:, major]))
+    def spread(order: Index) -> int:
+        rank = np.argsort(order)[transfer.stencil]
+        last = np.max(rank, axis=1, initial=0, where=transfer.touched)
+        return int(np.max(last - np.min(rank, axis=1, initial=len(order), where=transfer.touched)))
+
+    return min((np.lexsort((j, i)), np.lexsort((i, j)), np.lexsort((i, i - j)), np.lexsort((i, i + j))), key=spread)
+
+
+def stiffness(grid: Grid, points: MaterialPoints, transfer: Transfer, D: Array, held: Mask) -> Stiffness:
+    """Pattern and map of K, with tangent D (3, 3) at unit modulus and the `held` (2a,) degrees of freedom left out."""
+    order = narrow_order(grid, transfer)
     dof = (2 * order[:, None] + np.arange(2)).ravel()
     dof = dof[~held[dof]]
     unknown = np.full(len(held), -1)

@@ -1,0 +1,127 @@
+"""The p-norm of stress: closed forms, limits, scaling and its gradient through the adjoint."""
+
+import numpy as np
+import pytest
+
+from mpmtop.equilibrium import discretise
+from mpmtop.material import von_mises
+from mpmtop.objectives import _von_mises_form
+from mpmtop.problem import DesignProblem
+from mpmtop.scene import (
+    Array,
+    Compliance,
+    Difference,
+    InvalidScene,
+    Material,
+    PNormStress,
+    PointLoad,
+    Rectangle,
+    Scene,
+    Support,
+)
+from mpmtop.shape_functions import ShapeFunction, bspline2, gimp, tent
+from tests.scenes import LEFT_CLAMP, cantilever
+
+ALL = pytest.mark.parametrize("shape_function", [tent, gimp, bspline2], ids=lambda f: f.__name__)
+
+
+def problem(objective: PNormStress, shape_function: ShapeFunction = tent, shift: float = 0.0) -> DesignProblem:
+    scene = cantilever(objective=objective)
+    points = discretise(scene, 1.0).points.moved((shift, 0.0))
+    return DesignProblem(discretise(scene, 1.0, points=points, shape_function=shape_function))
+
+
+def density(seed: int) -> Array:
+    return np.random.default_rng(seed).uniform(0.2, 1.0, 128)
+
+
+@ALL
+@pytest.mark.parametrize("shift", [0.0, 0.3])
+@pytest.mark.parametrize("p", [12.0, 60.0])
+def test_gradient_has_a_second_order_remainder(shape_function: ShapeFunction, shift: float, p: float) -> None:
+    """Taylor test at a random density and direction, without and with crossing."""
+    design = problem(PNormStress(p), shape_function, shift)
+    rho, d = density(0), np.random.default_rng(1).uniform(-0.1, 0.1, 128)
+    at = design.analyse(rho)
+    slope = design.density_gradient(at) @ d
+    t = 10.0 ** -np.arange(2, 5)
+    remainder = np.abs([design.analyse(rho + s * d).objective - at.objective - s * slope for s in t])
+    assert -np.diff(np.log10(remainder))[-1] == pytest.approx(2, abs=0.05)  # the third-order term at t = 1e-4
+
+
+def test_uniform_stress_in_closed_form() -> None:
+    """A bar in uniaxial plane stress: every point carries the unit stress, so J = (points)^(1/p) rho^(q - penal)."""
+    ends = tuple(PointLoad((6.0, float(j)), (1.0 if 0 < j < 3 else 0.5, 0.0), points=0) for j in range(4))
+    rollers = (Support(LEFT_CLAMP.region, (True, False)), Support(Rectangle((0, 0), (0, 0)), (False, True)))
+    scene = cantilever(
+        6, 3, supports=rollers, loads=ends, material=Material(2.0, 0.25, "stress"), objective=PNormStress(12, 0.5)
+    )
+    design = DesignProblem(discretise(scene, 1.0))
+    for rho in (1.0, 0.5):
+        value = design.analyse(np.full(72, rho)).objective
+        assert value == pytest.approx(72 ** (1 / 12) * rho ** (0.5 - 3), rel=1e-8)  # the contrast, 1e-9 over rho^3
+
+
+@pytest.mark.parametrize("p", [12.0, 60.0, 100.0])
+@pytest.mark.parametrize("force", [1e-30, 1.0, 1e30])
+def test_neither_overflow_nor_underflow(p: float, force: float) -> None:
+    """J lies between the largest relaxed stress and points^(1/p) of it, whatever the unit of force."""
+    scene = cantilever(load=PointLoad((8, 2), (0, -force)), objective=PNormStress(p))
+    design = DesignProblem(discretise(scene, 1.0))
+    at = design.analyse(density(2))
+    unit = problem(PNormStress(p)).analyse(density(2))
+    assert at.objective == pytest.approx(force * unit.objective, rel=1e-10)
+    gradient = design.density_gradient(at)
+    assert np.all(np.isfinite(gradient)) and np.any(gradient != 0)
+    vm = von_mises(at.state.strain @ design.model.D, scene.material)
+    largest = np.max(np.sqrt(density(2)) * vm)
+    assert largest <= at.objective <= 128 ** (1 / p) * largest * (1 + 1e-12)
+
+
+def test_points_without_stress_or_density_do_no_harm() -> None:
+    """A load between the clamp and a free end leaves the end without stress; some densities are zero, too."""
+    scene = cantilever(load=PointLoad((4.0, 2.0), (0.0, -1.0), points=0), objective=PNormStress(), rho_min=0.0)
+    design = DesignProblem(discretise(scene, 1.0))
+    rho = np.where(np.random.default_rng(3).random(128) < 0.2, 0.0, 1.0)
+    at = design.analyse(rho)
+    assert np.isfinite(at.objective)
+    assert np.all(np.isfinite(design.density_gradient(at)))
+
+
+def test_stress_does_not_depend_on_the_modulus() -> None:
+    soft, stiff = (
+        DesignProblem(discretise(cantilever(material=Material(E0, 0.3), objective=PNormStress()), 1.0))
+        for E0 in (1e-6, 1e12)
+    )
+    a, b = soft.analyse(density(4)), stiff.analyse(density(4))
+    assert a.objective == pytest.approx(b.objective, rel=1e-10)  # rounding times condition number
+    np.testing.assert_allclose(soft.density_gradient(a), stiff.density_gradient(b), rtol=0, atol=1e-9 * a.objective)
+
+
+@pytest.mark.parametrize("plane", ["strain", "stress"])
+def test_von_mises_form(plane: str) -> None:
+    model = discretise(cantilever(material=Material(1.0, 0.3, plane)), 1.0)  # type: ignore[arg-type]
+    stress = np.random.default_rng(5).normal(size=(50, 3))
+    vm = np.sqrt(np.einsum("pa,ab,pb->p", stress, _von_mises_form(model), stress))
+    np.testing.assert_allclose(vm, von_mises(stress, model.scene.material), rtol=1e-13)
+
+
+def test_l_bracket_start() -> None:
+    """11.850 F/h at uniform 0.4: an independent prototype of the 6,400-point bracket, to the digits given."""
+    domain = Difference(Rectangle((0, 0), (50, 50)), Rectangle((20, 20), (50, 50)))
+    top = Support(Rectangle((-np.inf, 50), (np.inf, np.inf)))
+    load = PointLoad((50, 20), (0, -1))
+    scene = Scene("L", domain, (top,), (load,), 1.0, objective=PNormStress())
+    design = DesignProblem(discretise(scene, 1.0))
+    assert len(design.x0) == 6400
+    assert design.evaluate(design.x0).objective == pytest.approx(11.850, abs=5e-4)
+
+
+def test_exponents_are_checked() -> None:
+    for p in (0.5, np.inf, np.nan):
+        with pytest.raises(InvalidScene, match="exponent"):
+            PNormStress(p)
+    for q in (-1, np.nan):
+        with pytest.raises(InvalidScene, match="relaxation"):
+            PNormStress(12, q)
+    assert cantilever().objective == Compliance()
