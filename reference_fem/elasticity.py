@@ -15,7 +15,7 @@ from skfem.quadrature import get_quadrature
 
 from mpmtop.scene import Array, EmptyDomain, Index, Material, NotConverged, Scene
 from reference_fem.boundary import held_dofs, nodal_forces
-from reference_fem.factorise import Factorise, choose_elimination
+from reference_fem.factorise import Factorise, Solve, choose_elimination
 from reference_fem.mesh import (
     ELEMENT_CENTRE,
     GEOMETRY_TOLERANCE,
@@ -157,27 +157,56 @@ def _stiffness_map(dofs: Index, matrices: Array, n: int) -> StiffnessMap:
 
 
 def solve(model: FemModel, young: Array) -> Array:
-    """Displacements u (N,), K(E) u = f, for element moduli young (e,).
+    """Displacements u (N,), K(E) u = f, for element moduli young (e,). Raises as `inverse_stiffness` and its result."""
+    return inverse_stiffness(model, young)(model.f_ext)
 
-    Raises UnsupportedBody if K is singular, NotConverged if the residual changes the compliance f.u by over 1e-7 of it.
+
+def inverse_stiffness(model: FemModel, young: Array) -> Solve:
+    """K(E)^-1 for element moduli young (e,): one factorisation, for the state and any adjoint.
+
+    It takes load vectors (N,) to displacements (N,), zero where held. Raises UnsupportedBody if K is singular; its
+    result raises NotConverged if the residual changes the energy f.u of the load by over 1e-7 of it.
     """
-    K, f = model.stiffness(young), model.f_ext[model.free]
-    free_u = model.factorise(K)(f)
-    error, energy = abs(free_u @ (K @ free_u - f)), f @ free_u
-    if not error <= ENERGY_TOLERANCE * energy:  # also catches NaN
-        raise NotConverged(
-            f"the residual of equilibrium carries {error:.1e} of the energy {energy:.1e}: raise the modulus contrast, "
-            "or hold the part of the body that hangs on void"
-        )
-    u = np.zeros(model.basis.N)
-    u[model.free] = free_u
-    return u
+    K = model.stiffness(young)
+    factor = model.factorise(K)
+
+    def inverse(load: Array) -> Array:
+        f = load[model.free]
+        free_u = factor(f)
+        error, energy = abs(free_u @ (K @ free_u - f)), f @ free_u
+        if not error <= ENERGY_TOLERANCE * energy:  # also catches NaN
+            raise NotConverged(
+                f"the residual of equilibrium carries {error:.1e} of the energy {energy:.1e}: raise the modulus "
+                "contrast, or hold the part of the body that hangs on void"
+            )
+        u = np.zeros(model.basis.N)
+        u[model.free] = free_u
+        return u
+
+    return inverse
 
 
-def unit_energy(model: FemModel, u: Array) -> Array:
-    """u_e . k_e u_e (e,) at unit modulus: times the moduli it sums to f.u, and minus it is dC/dE of the compliance."""
-    u_e = u[model.basis.element_dofs.T]
-    return np.sum(np.matmul(model.matrices[model.shape], u_e[:, :, None])[:, :, 0] * u_e, axis=1)
+def unit_work(model: FemModel, v: Array, u: Array) -> Array:
+    """v_e . k_e u_e (e,) at unit modulus: times the moduli it sums to v.K u, and minus it is dJ/dE for an adjoint v."""
+    v_e, u_e = v[model.basis.element_dofs.T], u[model.basis.element_dofs.T]
+    return np.sum(np.matmul(model.matrices[model.shape], u_e[:, :, None])[:, :, 0] * v_e, axis=1)
+
+
+def _basis_at(model: FemModel, reference: Array) -> CellBasis:
+    """The model's basis evaluated at reference positions (2, q) of every element."""
+    return CellBasis(
+        model.basis.mesh, model.basis.elem, quadrature=(reference, np.ones(reference.shape[1])), dofs=model.basis.dofs
+    )
+
+
+def strain_operator(model: FemModel, reference: Array = ELEMENT_CENTRE) -> sp.csr_matrix:
+    """B (3 e q, N): B u is the strain (e, q, 3), (xx, yy, 2 xy), at reference positions (2, q) of every element."""
+    basis = _basis_at(model, reference)
+    strain = np.stack([sym_grad(function[0]) for function in basis.basis])  # (d, 2, 2, e, q)
+    values = np.stack([strain[:, 0, 0], strain[:, 1, 1], 2 * strain[:, 0, 1]], axis=-1)  # (d, e, q, 3)
+    rows = np.broadcast_to(np.arange(values[0].size).reshape(values.shape[1:]), values.shape)
+    columns = np.broadcast_to(basis.element_dofs[:, :, None, None], values.shape)
+    return sp.csr_matrix((values.ravel(), (rows.ravel(), columns.ravel())), shape=(values[0].size, basis.N))
 
 
 def stress(model: FemModel, u: Array, young: Array, reference: Array = ELEMENT_CENTRE) -> Array:
@@ -186,9 +215,7 @@ def stress(model: FemModel, u: Array, young: Array, reference: Array = ELEMENT_C
     The default is the centre (q = 1); `gauss_points(model)` gives the integration points. sigma_zz is
     nu (sigma_xx + sigma_yy) in plane strain and zero in plane stress.
     """
-    basis = CellBasis(
-        model.basis.mesh, model.basis.elem, quadrature=(reference, np.ones(reference.shape[1])), dofs=model.basis.dofs
-    )
+    basis = _basis_at(model, reference)
     plane = linear_stress(*_lame(model.material))(sym_grad(basis.interpolate(u))) * young[:, None]
     zz = model.material.poisson * (plane[0, 0] + plane[1, 1]) * (model.material.plane == "strain")
     return np.stack([plane[0, 0], plane[1, 1], plane[0, 1], zz], axis=-1)
@@ -203,3 +230,16 @@ def von_mises(sigma: Array) -> Array:
     """Von Mises stress (...,) of stresses (..., 4) ordered (xx, yy, xy, zz)."""
     xx, yy, xy, zz = np.moveaxis(sigma, -1, 0)
     return np.sqrt(0.5 * ((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) + 3 * xy**2)
+
+
+def von_mises_factor(material: Material) -> Array:
+    """M (3, 3) with vm = |M eps|, the von Mises stress of solid material under the strain eps = (xx, yy, 2 xy).
+
+    With s = (sigma_xx + sigma_yy) / 2, d = (sigma_xx - sigma_yy) / 2, t = sigma_xy: vm^2 = (s - sigma_zz)^2 + 3 d^2 +
+    3 t^2, where s = (lambda + mu)(eps_xx + eps_yy), d = mu (eps_xx - eps_yy), t = 2 mu eps_xy and sigma_zz = 2 nu s in
+    plane strain, 0 in plane stress.
+    """
+    lam, mu = (material.young * constant for constant in _lame(material))
+    mean = (lam + mu) * (1 - 2 * material.poisson * (material.plane == "strain"))
+    shear = np.sqrt(3) * mu
+    return np.array([[mean, mean, 0], [shear, -shear, 0], [0, 0, shear]])

@@ -10,10 +10,11 @@ import numpy as np
 from scipy.spatial import cKDTree
 from skfem import CellBasis
 
-from mpmtop.scene import Array, EmptyDomain, Index, InvalidScene, LoadOutsideBody, PointLoad, Scene
+from mpmtop.scene import Array, EmptyDomain, Index, InvalidScene, LoadOutsideBody, PNormStress, PointLoad, Scene
 from reference_fem.boundary import nodal_forces
-from reference_fem.elasticity import FemModel, fem_model, solve
+from reference_fem.elasticity import FemModel, fem_model, solve, stress, von_mises
 from reference_fem.mesh import GEOMETRY_TOLERANCE, element_centres, element_sides, lattice, vector_basis
+from reference_fem.objectives import p_norm
 from reference_fem.simp import simp
 
 GAUSS = np.array([[-1, -1], [1, -1], [-1, 1], [1, 1]]) / np.sqrt(12)  # of the side: exact to cubics along each axis
@@ -30,6 +31,15 @@ class Judgement:
 
 
 @dataclass(frozen=True, eq=False)
+class JudgedStress:
+    """Relaxed von Mises stress s (e,) at the centres of the judge's elements, its p-norm and its largest value."""
+
+    s: Array
+    p_norm: float
+    largest: float
+
+
+@dataclass(frozen=True, eq=False)
 class Judge:
     """A scene's finite element model over p points, ready for any number of designs; owner (e,) of each element."""
 
@@ -40,12 +50,16 @@ class Judge:
 
     def __call__(self, rho: Array) -> Judgement:
         """Analyse the physical densities rho (p,) in [0, 1] of the points: one factorisation, one solve."""
+        self.check(rho)
+        u = solve(self.model, simp(rho, self.scene)[0][self.owner])
+        return Judgement(float(self.model.f_ext @ u), len(self.model.free), len(self.owner), u)
+
+    def check(self, rho: Array) -> None:
+        """Raise ValueError unless rho (p,) are physical densities of the points."""
         if np.shape(rho) != (self.points,):
             raise ValueError(f"densities of shape {np.shape(rho)} for {self.points} points: give one for each point")
         if not np.all((rho >= -1e-9) & (rho <= 1 + 1e-9)):  # a filter's rounding passes; NaN does not
             raise ValueError("densities outside 0 to 1: give physical densities")
-        u = solve(self.model, simp(rho, self.scene)[0][self.owner])
-        return Judgement(float(self.model.f_ext @ u), len(self.model.free), len(self.owner), u)
 
 
 def reanalyse(scene: Scene, x: Array, half_length: Array, rho: Array, split: int = 2, order: int = 2) -> Judgement:
@@ -77,6 +91,21 @@ def build_judge(scene: Scene, x: Array, half_length: Array, split: int = 2, orde
         )
     basis = vector_basis(full.restrict(owned), order)
     return Judge(scene, fem_model(scene, basis, _load(scene, basis, x, owner[owned])), owner[owned], len(x))
+
+
+def judge_stress(judge: Judge, rho: Array, judgement: Judgement) -> JudgedStress:
+    """Relaxed stress s_e = rho^q vm_e of a judged design rho (p,), vm that of solid material, modulus E0 (Eq. 9).
+
+    Its p-norm is (sum_e s_e^p / n_e)^(1/p), n_e being the number of elements of the point that owns element e: every
+    point counts once at any resolution, and with one element per point this is Eq. (9). p and q are those of the
+    scene's `PNormStress`, or its defaults if the scene has another objective.
+    """
+    judge.check(rho)
+    measure = judge.scene.objective if isinstance(judge.scene.objective, PNormStress) else PNormStress()
+    solid = np.full(len(judge.owner), judge.scene.material.young)
+    s = rho[judge.owner] ** measure.q * von_mises(stress(judge.model, judgement.u, solid))[:, 0]
+    weight = 1 / np.bincount(judge.owner)[judge.owner]
+    return JudgedStress(s, p_norm(s, measure.p, weight), float(s.max()))
 
 
 def owners(cells: Array, x: Array, half_length: Array) -> Index:

@@ -30,10 +30,10 @@ from mpmtop.scene import (
 )
 from reference_fem import elasticity, factorise
 from reference_fem.boundary import nodal_forces
-from reference_fem.elasticity import discretise, gauss_points, solve, stress, unit_energy, von_mises
+from reference_fem.elasticity import discretise, gauss_points, solve, stress, unit_work, von_mises
 from reference_fem.mesh import lattice, vector_basis
 from reference_fem.reanalyse import build_judge, owners, reanalyse
-from reference_fem.simp import ComplianceProblem, Evaluation, compliance_problem, density_filter, simp
+from reference_fem.simp import DesignProblem, Evaluation, density_filter, design_problem, simp
 
 Plane = Literal["strain", "stress"]
 LEFT = Support(Rectangle((0, -np.inf), (0, np.inf)))
@@ -215,7 +215,7 @@ def test_energy_identities(order: int) -> None:
     )
     # round-off of the solve, 1e-16, times the condition number, 1e7 with moduli from 0.008 to 1
     assert work == pytest.approx(model.f_ext @ u, rel=1e-9)
-    assert young @ unit_energy(model, u) == pytest.approx(
+    assert young @ unit_work(model, u, u) == pytest.approx(
         work, rel=1e-10
     )  # no solve, but elements move 100 times their strain
 
@@ -312,7 +312,7 @@ def test_solution_is_checked(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize("order", [1, 2])
 def test_gradient_by_taylor_remainder(order: int) -> None:
     """Halving the step quarters what the gradient leaves unexplained."""
-    problem = compliance_problem(cantilever(filter_radius=5.0), 2.0, order)
+    problem = design_problem(cantilever(filter_radius=5.0), 2.0, order)
     x, direction = densities(200), densities(200, seed=2) - 0.6
     evaluation = problem.evaluate(x)
     df0, dg = problem.gradient(evaluation)
@@ -349,11 +349,13 @@ def test_filter() -> None:
 
 def test_problem_applies_the_adjoint_filter() -> None:
     """A sum of gradients over physical densities is kept: a uniform change of the design is one of rho."""
-    problem = compliance_problem(cantilever(filter_radius=5.0), 2.0)
+    problem = design_problem(cantilever(filter_radius=5.0), 2.0)
     evaluation = problem.evaluate(densities(200))
     df0, dg = problem.gradient(evaluation)
     d_young = simp(evaluation.rho, problem.scene)[1]
-    assert df0.sum() == pytest.approx(-d_young @ unit_energy(problem.model, evaluation.u), rel=1e-13)  # row sums of one
+    assert df0.sum() == pytest.approx(
+        -d_young @ unit_work(problem.model, evaluation.u, evaluation.u), rel=1e-13
+    )  # row sums of one
     y = densities(200, seed=5)
     assert y @ (problem.H @ evaluation.rho) == pytest.approx((problem.H.T @ y) @ evaluation.rho, rel=1e-14)
     assert dg.sum() == pytest.approx(1 / problem.scene.volume_fraction, rel=1e-13)
@@ -363,14 +365,14 @@ def test_problem_fingerprint() -> None:
     """Equal problems share it; scene, element size and element order change it."""
     scene = cantilever()
     prints = [
-        compliance_problem(s, size, order).fingerprint
+        design_problem(s, size, order).fingerprint
         for s, size, order in [(scene, 2.0, 1), (scene, 2.0, 2), (scene, 1.0, 1), (replace(scene, penal=2.0), 2.0, 1)]
     ]
     assert len(set(prints)) == 4
-    assert compliance_problem(cantilever(), 2.0).fingerprint == prints[0]
+    assert design_problem(cantilever(), 2.0).fingerprint == prints[0]
 
 
-def published_update(problem: ComplianceProblem, x: Array, evaluation: Evaluation) -> Array:
+def published_update(problem: DesignProblem, x: Array, evaluation: Evaluation) -> Array:
     """Optimality criteria with the bisection of the educational codes (Andreassen et al., 2011), coarse as it is."""
     df0, dg = problem.gradient(evaluation)
     benefit = np.sqrt(-df0 / (problem.scene.volume_fraction * len(x) * dg[0]))  # by the derivative of the plain sum
@@ -387,7 +389,7 @@ def test_published_mbb_beam() -> None:
 
     It prints the objective of the design before the update that changes no density by more than 0.01.
     """
-    problem = compliance_problem(mbb(), 1.0)
+    problem = design_problem(mbb(), 1.0)
     x, change = problem.x0, 1.0
     first = problem.evaluate(x).objective
     while change > 0.01:

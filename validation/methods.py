@@ -1,8 +1,7 @@
 """The methods that are compared, behind one face: build the problem, optimise, analyse a design of any origin."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any, Protocol, Self
 
 import numpy as np
@@ -13,13 +12,16 @@ from mpmtop.equilibrium import discretise
 from mpmtop.gcmma import GCMMA, Problem, UpdateRule
 from mpmtop.material import von_mises
 from mpmtop.optimize import Iterate, optimize
-from mpmtop.scene import Array, Scene
+from mpmtop.scene import Array, Index, Scene
 from mpmtop.shape_functions import ShapeFunction, gimp, tent
 from reference_fem import elasticity, simp
 from validation.scenes import SPACING, H
 
 MOVE = 0.3
 """The paper's move limit."""
+PAPER_RULE = GCMMA(move=MOVE)
+ROUNDING_RISE = 1e-9
+"""A relative rise of the objective within what GCMMA's acceptance test allows for rounding is none."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,13 +56,16 @@ class DensityProblem(Problem[Any], Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Analyser:
-    """A method applied to a scene: its problem, its points, and the von Mises stress (p,) of an evaluation."""
+    """A method applied to a scene: its problem and its points.
+
+    `solid_von_mises` gives the stress (p,) that solid material would have under the strain of an evaluation.
+    """
 
     name: str
     problem: DensityProblem
     x: Array
     half_length: Array
-    von_mises: Callable[[Any], Array]
+    solid_von_mises: Callable[[Any], Array]
 
     def compliance(self, design: Design) -> float:
         """Compliance of a design on these points, whoever made it."""
@@ -78,8 +83,8 @@ def material_points(shape_function: ShapeFunction, name: str) -> Callable[[Scene
         model = discretise(scene, H, 2, shape_function)
 
         def stress(evaluation: problem.Evaluation) -> Array:
-            state = evaluation.state
-            return von_mises(model.stress(state.moduli, state.strain), scene.material)
+            solid = np.full(len(evaluation.rho), scene.material.young)
+            return von_mises(model.stress(solid, evaluation.state.strain), scene.material)
 
         return Analyser(name, problem.DesignProblem(model), model.points.x, model.points.half_length, stress)
 
@@ -88,12 +93,12 @@ def material_points(shape_function: ShapeFunction, name: str) -> Callable[[Scene
 
 def finite_elements(scene: Scene) -> Analyser:
     """Bilinear finite elements, one for each material point of the other methods; stress at their centres."""
-    fem = simp.compliance_problem(scene, SPACING)
+    fem = simp.design_problem(scene, SPACING)
     model = fem.model
 
     def stress(evaluation: simp.Evaluation) -> Array:
-        young = simp.simp(evaluation.rho, scene)[0]
-        return elasticity.von_mises(elasticity.stress(model, evaluation.u, young))[:, 0]
+        solid = np.full(len(evaluation.rho), scene.material.young)
+        return elasticity.von_mises(elasticity.stress(model, evaluation.u, solid))[:, 0]
 
     return Analyser("FEM", fem, model.centres, np.full_like(model.centres, SPACING / 2), stress)
 
@@ -107,32 +112,53 @@ METHODS: dict[str, Callable[[Scene], Analyser]] = {
 
 @dataclass(frozen=True, eq=False)
 class Optimisation:
-    """A finished optimisation: all iterates' numbers, and the designs of those kept."""
+    """Numbers of a finished optimisation, for iterates 0 to k, and the designs of those kept.
 
-    analyser: Analyser
-    iterates: list[Iterate[Any]]
+    `objective`, `volume` (fraction) and `solves` (cumulative) are (k + 1,); `designs` holds those kept and the last.
+    """
+
+    objective: Array
+    volume: Array
+    solves: Index
+    designs: dict[int, Design]
+    converged: bool
 
     @classmethod
-    def of(cls, analyser: Analyser, rule: UpdateRule | None = None) -> Self:
-        """The paper's loop: GCMMA with its move limit (or another rule), its stopping rule, 300 iterations at most."""
-        return cls(analyser, list(optimize(analyser.problem, rule or GCMMA(move=MOVE), max_iterations=300)))
+    def of(
+        cls, analyser: Analyser, rule: UpdateRule = PAPER_RULE, *, keep: tuple[int, ...] = (), iterations: int = 300
+    ) -> Self:
+        """Run the paper's loop: its stopping rule, `iterations` at most."""
+        return cls.collect(optimize(analyser.problem, rule, max_iterations=iterations), analyser, keep)
+
+    @classmethod
+    def collect(cls, iterates: Iterable[Iterate[Any]], analyser: Analyser, keep: tuple[int, ...] = ()) -> Self:
+        """Consume the iterates of an optimisation of the analyser's problem."""
+        rows, designs = [], {}
+        for iterate in iterates:
+            rows.append((iterate.objective, iterate.constraints[0], iterate.solves))
+            if iterate.iteration in keep:
+                designs[iterate.iteration] = analyser.design(iterate.evaluation.rho)
+        designs[iterate.iteration] = analyser.design(iterate.evaluation.rho)
+        objective, constraint, solves = np.array(rows).T
+        volume = analyser.problem.x0[0] * (1 + constraint)
+        return cls(objective, volume, solves.astype(np.intp), designs, iterate.converged)
 
     @property
-    def last(self) -> Iterate[Any]:
-        """The final iterate."""
-        return self.iterates[-1]
+    def iterations(self) -> int:
+        """Number of updates made."""
+        return len(self.objective) - 1
 
-    @cached_property
-    def objective(self) -> Array:
-        """Objective of every iterate, (k + 1,)."""
-        return np.array([iterate.objective for iterate in self.iterates])
+    @property
+    def final(self) -> float:
+        """Objective of the last design."""
+        return float(self.objective[-1])
 
-    @cached_property
-    def volume(self) -> Array:
-        """Volume fraction of every iterate, (k + 1,)."""
-        fraction = self.analyser.problem.x0[0]
-        return fraction * (1 + np.array([iterate.constraints[0] for iterate in self.iterates]))
+    @property
+    def design(self) -> Design:
+        """The last design."""
+        return self.designs[self.iterations]
 
-    def design(self, iteration: int = -1) -> Design:
-        """Design of an iterate."""
-        return self.analyser.design(self.iterates[iteration].evaluation.rho)
+    @property
+    def rise(self) -> Array:
+        """Relative change of the objective in every iteration, (k,): positive where it rose."""
+        return np.diff(self.objective) / self.objective[1:]

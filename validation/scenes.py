@@ -1,14 +1,15 @@
 """The paper's scenes as plain numbers. Units: cell size h = 1, force F = 1, Young's modulus E0 = 1.
 
-Compliance then comes in F^2 / E0 (per unit thickness) and displacement in F / E0. What the paper leaves open (where
-the tip force acts, the filter's radius, rho_min, the meaning of E_min) is an argument; the defaults are our choice.
+Compliance then comes in F^2 / E0 (per unit thickness), displacement in F / E0 and stress in F / h. What the paper
+leaves open (where the tip force acts, the filter's radius, rho_min, the meaning of E_min) is an argument; the defaults
+are our choice.
 """
 
 from typing import Any, Literal
 
 import numpy as np
 
-from mpmtop.scene import Material, PointLoad, Rectangle, Scene, Support
+from mpmtop.scene import Difference, Material, PNormStress, PointLoad, Rectangle, Scene, Support
 
 H = 1.0
 """Background cell size h."""
@@ -31,3 +32,26 @@ def cantilever(load: TipLoad = "mid-height", radius: float = 3 * SPACING, **chan
         volume_fraction=0.4,
         **changes,
     )
+
+
+CORNER = (20.0, 20.0)
+"""Re-entrant corner of the L-bracket."""
+
+
+def l_bracket(radius: float = 2 * SPACING, **changes: Any) -> Scene:
+    """Fig. 7b: arms 20h wide in a 50h square, top edge clamped, unit force down at the lower arm's top right corner.
+
+    The p-norm of the relaxed stress is minimised, p = 12 and q = 0.5.
+    """
+    size = 50.0
+    settings: dict[str, Any] = {
+        "name": "L-bracket",
+        "domain": Difference(Rectangle((0.0, 0.0), (size, size)), Rectangle(CORNER, (size, size))),
+        "supports": (Support(Rectangle((-np.inf, size), (np.inf, np.inf))),),
+        "loads": (PointLoad((size, CORNER[1]), (0.0, -1.0), points=6),),
+        "filter_radius": radius,
+        "material": Material(young=1.0, poisson=0.3, plane="strain"),
+        "volume_fraction": 0.4,
+        "objective": PNormStress(p=12.0, q=0.5),
+    }
+    return Scene(**(settings | changes))

@@ -1,0 +1,98 @@
+"""Objectives on a finite element model: value, and the two parts of the gradient.
+
+The densities rho (e,) act directly and through the moduli E(rho) of K(E) u = f. From the Lagrangian
+L = J(rho, u) + lambda . (f - K u), dL/du = 0 gives K lambda = dJ/du and then
+
+    dJ/drho_e = (dJ/drho_e at fixed u) - dE/drho_e lambda_e . k_e u_e.
+"""
+
+from collections.abc import Callable
+from typing import Literal, NamedTuple
+
+import numpy as np
+import scipy.sparse as sp
+
+from mpmtop.scene import Array, Compliance, PNormStress, Scene
+from reference_fem.elasticity import FemModel, gauss_points, strain_operator, von_mises_factor
+from reference_fem.factorise import Solve
+from reference_fem.mesh import ELEMENT_CENTRE
+
+StressPosition = Literal["centre", "gauss"]
+STRESS_POSITIONS: dict[str, Callable[[FemModel], Array]] = {
+    "centre": lambda model: ELEMENT_CENTRE,
+    "gauss": gauss_points,
+}
+
+
+class Objective(NamedTuple):
+    """One objective on one model, as functions of densities rho (e,) and displacements u (N,).
+
+    value       (rho, u) -> J
+    gradient    (rho, u, K^-1) -> dJ/drho (e,) at fixed u and lambda (N,), by the factorisation that gave u
+    """
+
+    value: Callable[[Array, Array], float]
+    gradient: Callable[[Array, Array, Solve], tuple[Array, Array]]
+
+
+def objective(scene: Scene, model: FemModel, stress_at: StressPosition) -> Objective:
+    """The scene's objective on a model; a p-norm takes stresses at `stress_at` of every element."""
+    match scene.objective:
+        case Compliance():
+            return compliance(model)
+        case PNormStress(p, q):
+            return p_norm_stress(model, p, q, STRESS_POSITIONS[stress_at](model))
+
+
+def compliance(model: FemModel) -> Objective:
+    """J = f . u, self-adjoint: dJ/du = f = K u, so lambda = u without a solve."""
+    return Objective(
+        value=lambda rho, u: float(model.f_ext @ u),
+        gradient=lambda rho, u, inverse: (np.zeros_like(rho), u),
+    )
+
+
+def p_norm_stress(model: FemModel, p: float, q: float, reference: Array) -> Objective:
+    """J = (sum_eg s_eg^p / g)^(1/p), s = rho_e^q vm_eg (Eq. 9), at reference positions (2, g) of every element.
+
+    vm is the von Mises stress of solid material, of modulus E0, under the strain there. At one position the sum is
+    the paper's, with one element for each material point; the mean over several makes them comparable.
+
+    dJ/ds_eg = (s_eg / J)^(p-1) / g. At fixed u dJ/drho_e = sum_g dJ/ds q s / rho, which tends to zero at rho = 0 if
+    q p > 1 and counts as zero there. With vm = |t|, t = T u, dJ/du = T^T (dJ/ds rho^q t / |t|); without stress vm has
+    no derivative, and zero, one of its subgradients, is taken. The adjoint is one solve.
+    """
+    positions = reference.shape[1]
+    points = len(model.area) * positions
+    T = sp.csr_matrix(sp.kron(sp.eye(points), von_mises_factor(model.material)) @ strain_operator(model, reference))
+
+    def solid(u: Array) -> tuple[Array, Array]:
+        """t (e, g, 3) and vm (e, g)."""
+        t = (T @ u).reshape(-1, positions, 3)
+        return t, np.sqrt(np.sum(t**2, axis=-1))
+
+    def value(rho: Array, u: Array) -> float:
+        return p_norm(rho[:, None] ** q * solid(u)[1], p, 1 / positions)
+
+    def gradient(rho: Array, u: Array, inverse: Solve) -> tuple[Array, Array]:
+        t, vm = solid(u)
+        relax = rho[:, None] ** q
+        s = relax * vm
+        J = p_norm(s, p, 1 / positions)
+        if J == 0:
+            return np.zeros_like(rho), np.zeros_like(u)
+        by_s = (s / J) ** (p - 1) / positions
+        by_rho = np.divide(q * np.sum(by_s * s, axis=1), rho, out=np.zeros_like(rho), where=rho > 0)
+        by_t = np.divide(by_s * relax, vm, out=np.zeros_like(vm), where=vm > 0)[..., None] * t
+        return by_rho, inverse(T.T @ by_t.ravel())
+
+    return Objective(value, gradient)
+
+
+def p_norm(s: Array, p: float, weight: Array | float = 1.0) -> float:
+    """(sum weight s^p)^(1/p) of s >= 0; scaled by the largest s, so that no power overflows and none that counts
+    underflows."""
+    largest = float(s.max())
+    if largest == 0:
+        return 0.0
+    return largest * float(np.sum(weight * (s / largest) ** p)) ** (1 / p)
