@@ -69,15 +69,15 @@ def discretise(
     hx, hy = (float(s) for s in np.broadcast_to(h, 2))
     if points is None:
         nx, ny = np.broadcast_to(ppc, 2)
-        if min(nx, ny) < 1:
-            raise ValueError(f"{ppc} points per cell: give at least one in each direction")
+        if min(nx, ny) < 1 or not np.issubdtype(nx.dtype, np.integer):
+            raise ValueError(f"{ppc} points per cell: give at least one in each direction, a whole number")
         points = seed(scene.domain, (hx / nx, hy / ny))
     lower, upper = scene.domain.bounds
     if grid is None:
         outside = np.maximum([lower - points.x.min(axis=0), points.x.max(axis=0) - upper], 0) / (hx, hy)
         grid = Grid.around(lower, upper, (hx, hy), margin=2 + int(np.ceil(outside.max())))
     operators = transfer(grid, points, shape_function)
-    position = grid.node_positions()[operators.nodes]
+    position = grid.node_positions(operators.nodes)
     f_ext = external_force(scene, grid, points, operators)
     held = held_dofs(scene, position, tol=1e-9 * min(hx, hy))
     D = tangent(scene.material)
@@ -104,8 +104,8 @@ def external_force(scene: Scene, grid: Grid, points: MaterialPoints, operators: 
                 raise LoadOutsideBody(f"load at {load.position}: no material point touches its nodes; move it inwards")
             np.add.at(force, np.searchsorted(operators.nodes, node), N[:, None] * load.force)
         else:
-            carriers = load.carriers(points.x, tol)
-            force += operators.N_matrix[carriers].sum(axis=0)[:, None] * np.divide(load.force, len(carriers))
+            carriers, share = load.shares(points.x, tol)
+            force += np.outer(operators.N_matrix[carriers].T @ share, load.force)
     return force.ravel()
 
 
@@ -125,11 +125,13 @@ def held_dofs(scene: Scene, position: Array, tol: float) -> Mask:
 
 
 def equilibrium(model: Model, moduli: Array, *, tol: float = 1e-9, max_steps: int = 3) -> Equilibrium:
-    """Newton's method from u = 0 until |R| <= tol |f_ext|, R = f_int(u) - f_ext over the free degrees of freedom.
+    """Newton's method from u = 0 until |R| <= tol |f_ext|, R = f_ext - f_int(u) over the free degrees of freedom.
 
     A linear scene takes one step; the tangent does not change, so any further step is an iterative refinement with
-    the same factorisation. `moduli` (p,) are Young's moduli. Raises UnsupportedBody if K is singular, naming the
-    node, and NotConverged.
+    the same factorisation. Where void carries load, |K| |u| exceeds |f_ext| so far that rounding alone leaves |R| above
+    that, with f.u right to all digits that matter: after the last step |R . u| <= tol f_ext . u, the relative error of
+    the energy, suffices. `moduli` (p,) are Young's moduli. Raises UnsupportedBody if K is singular, naming the node,
+    and NotConverged.
     """
     if not np.all(np.isfinite(moduli)) or np.min(moduli) < 0:
         raise ValueError("point moduli must be finite and not negative: check the densities")
@@ -145,9 +147,12 @@ def equilibrium(model: Model, moduli: Array, *, tol: float = 1e-9, max_steps: in
         relative = float(np.linalg.norm(residual) / f_norm)
         if relative <= tol:
             return Equilibrium(moduli, u, strain, solve, step, relative)
+    energy_error = abs(residual @ u[free]) / abs(model.f_ext @ u)
+    if energy_error <= tol:
+        return Equilibrium(moduli, u, strain, solve, max_steps, relative)
     raise NotConverged(
-        f"residual {relative:.1e} |f_ext| after {max_steps} Newton steps (tolerance {tol:.0e}): "
-        "the stiffness is nearly singular; raise the modulus contrast or support the body better"
+        f"residual {relative:.1e} |f_ext|, {energy_error:.1e} of the energy, after {max_steps} Newton steps (tolerance "
+        f"{tol:.0e}): the stiffness is nearly singular; raise E_min / E0 (`contrast`) or support the body better"
     )
 
 
@@ -156,8 +161,8 @@ def _factor(model: Model, moduli: Array) -> Solve:
         return model.solver.factor(model.stiffness.data(moduli))
     except SingularMatrix as error:
         dof = model.stiffness.dof[error.unknown]
-        x, y = model.grid.node_positions()[model.transfer.nodes[dof // 2]]
+        x, y = model.grid.node_positions(model.transfer.nodes[dof // 2])
         raise UnsupportedBody(
             f"the body can move without resistance: displacement {'xy'[dof % 2]} of the node at ({x:g}, {y:g}) "
-            "carries no stiffness; hold the body there, connect it to a support, or raise the modulus contrast"
+            "carries no stiffness; hold the body there, connect it to a support, or raise E_min / E0 (`contrast`)"
         ) from error

@@ -1,7 +1,6 @@
 """Export to VTU through meshio, for ParaView and its like; the only module that knows meshio."""
 
 import os
-import tempfile
 from pathlib import Path
 
 import meshio
@@ -53,11 +52,11 @@ def _in_space(plane: Array) -> Array:
 
 def _write(path: Path, mesh: meshio.Mesh) -> None:
     """Written beside the target and renamed, so that a reader never meets half a file."""
-    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=path.stem, suffix=".vtu")
-    os.close(handle)
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    partial = path.with_name(path.name + ".partial")
     try:
-        mesh.write(temporary, file_format="vtu")
-        os.replace(temporary, path)
-    except BaseException:
-        os.unlink(temporary)
-        raise
+        mesh.write(partial, file_format="vtu")
+        os.replace(partial, path)
+    finally:
+        partial.unlink(missing_ok=True)

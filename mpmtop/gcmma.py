@@ -29,6 +29,7 @@ from mpmtop.subproblem import SMALLEST, Subproblem, approximation, solve_subprob
 
 MMA_CURVATURE = 1e-5  # rho of plain MMA
 LEAST_CURVATURE = 1e-6
+STILL = 1e-9  # a step below this part of the range is rounding: its sign must not move an asymptote
 # A function counts as conservatively approximated if it exceeds f~ by less than this, relative to the objective and to
 # max(1, |g|): far above the rounding of a direct solve (1e-12), far below any stopping tolerance (1e-4).
 CONSERVATIVE_TOL = 1e-9
@@ -196,7 +197,8 @@ class OptimalityCriteria:
     """x <- x sqrt(-df0 / (lam dg)) within the bounds and |x - x_k| <= move range, for one constraint with dg > 0.
 
     lam makes the linearised constraint hold with equality, or comes as near to it as the move limit allows; df0 > 0
-    counts as 0. One solve an iteration.
+    counts as 0. One solve an iteration. A rule for compliance: an objective that grows with many variables, as a p-norm
+    of stress does, is beyond it.
     """
 
     move: float = 0.2
@@ -244,7 +246,9 @@ def approximate(problem: Problem[E], state: State, f: Array, df: Array, rho: Arr
     if state.iteration < 2:
         sigma = 0.5 * span
     else:
-        trend = np.sign((x - state.x_old) * (state.x_old - state.x_older))
+        last, before = x - state.x_old, state.x_old - state.x_older
+        moved = np.minimum(np.abs(last), np.abs(before)) > STILL * span
+        trend = np.sign(last) * np.sign(before) * moved
         factor = np.where(trend > 0, 1.2, np.where(trend < 0, 0.7, 1.0))
         sigma = np.clip(factor * 0.5 * (state.upp - state.low), 0.01 * span, 10 * span)
     floor = 0.001 * np.abs(df) + rho[:, None] / span

@@ -42,10 +42,10 @@ class Grid:
         """Number of nodes in x and in y."""
         return self.cells[0] + 1, self.cells[1] + 1
 
-    def node_positions(self) -> Array:
-        """Positions of all nodes, (nodes, 2)."""
-        x, y = (o + h * np.arange(n) for o, h, n in zip(self.origin, self.h, self.nodes, strict=True))
-        return np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
+    def node_positions(self, index: Index | None = None) -> Array:
+        """Positions (n, 2) of the nodes of the given indices (n,), or of all."""
+        index = np.arange(np.prod(self.nodes)) if index is None else index
+        return np.stack(np.divmod(index, self.nodes[1]), axis=-1) * self.h + self.origin
 
     def cell_coordinates(self, x: Array) -> Array:
         """Positions x (p, 2) in units of cells from the origin, (p, 2): cell i is [i, i + 1)."""

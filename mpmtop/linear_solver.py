@@ -94,7 +94,7 @@ class SuperLU:
     col: Index
 
     def factor(self, data: Array) -> Solve:
-        """Factorise; SingularMatrix if a pivot is exactly zero."""
+        """Factorise; SingularMatrix if a pivot is zero to rounding."""
         K = _symmetric(self.m, self.row, self.col, data)
         diagonal = K.diagonal()
         if np.min(diagonal) <= 0:
@@ -103,6 +103,9 @@ class SuperLU:
             lu = splu(K, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
         except RuntimeError as error:  # "Factor is exactly singular": SuperLU does not say where
             raise SingularMatrix(int(np.argmin(diagonal))) from error
+        pivot = np.abs(lu.U.diagonal()) / diagonal[np.argsort(lu.perm_c)]
+        if np.min(pivot) < SINGULAR:
+            raise SingularMatrix(int(np.argsort(lu.perm_c)[np.argmin(pivot)]))
         return lu.solve
 
 

@@ -119,7 +119,7 @@ def optimize(
         yield Iterate(
             state.iteration,
             solves,
-            state.x,
+            state.x.copy(),  # the caller may do as it likes with it
             float(evaluation.objective),
             np.array(evaluation.constraints),
             evaluation,

@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mpmtop.scene import Array, EmptyDomain, Region
+from mpmtop.scene import Array, EmptyDomain, InvalidScene, Region
 
 GAUSS_2 = 1 / np.sqrt(3)
 """Abscissae of the two-point Gauss rule are -+GAUSS_2 on [-1, 1]."""
@@ -38,14 +38,20 @@ class MaterialPoints:
 
 
 def seed(region: Region, spacing: tuple[float, float]) -> MaterialPoints:
-    """Points at the centres of a lattice of about `spacing` (x, y) that tiles the region's bounding box exactly.
+    """Points at the centres of a lattice of the given spacing (x, y) over the region's bounding box.
 
-    Centres outside the region are left out. Each point owns its lattice rectangle.
+    Centres outside the region are left out. Each point owns its lattice rectangle. The spacing must divide the box:
+    points that drift through the cells of the grid would be another discretisation than the one asked for.
     """
     if not (np.all(np.isfinite(spacing)) and min(spacing) > 0):
         raise ValueError(f"point spacing {spacing}: give finite, positive cell sizes and at least one point per cell")
     lower, upper = region.bounds
     counts = np.maximum(np.rint((upper - lower) / spacing).astype(int), 1)
+    if not np.allclose(counts * spacing, upper - lower, rtol=1e-9, atol=0):
+        raise InvalidScene(
+            f"point spacing {spacing} does not divide the domain's sides {upper - lower}: choose h and points per cell "
+            "so that it does"
+        )
     step = (upper - lower) / counts
     axes = [a + s * (np.arange(n) + 0.5) for a, s, n in zip(lower, step, counts, strict=True)]
     x = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
@@ -64,5 +70,8 @@ def to_gauss_points(points: MaterialPoints) -> MaterialPoints:
     """
     size = 4 * points.half_length  # of the cell
     corner = np.min(points.x - points.half_length, axis=0)
-    centre = corner + (np.floor((points.x - corner) / size) + 0.5) * size
+    cell = np.floor((points.x - corner) / size + 1e-9)
+    if np.any(np.unique(cell, axis=0, return_counts=True)[1] != 4):
+        raise ValueError("Gauss points need the points seeded 2 x 2 in every cell: seed with ppc = 2")
+    centre = corner + (cell + 0.5) * size
     return replace(points, x=centre + np.sign(points.x - centre) * size / 2 * GAUSS_2)

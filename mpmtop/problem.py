@@ -66,16 +66,25 @@ class DesignProblem:
 
     @property
     def fingerprint(self) -> str:
-        """Changes whenever a checkpoint of this problem would no longer fit it."""
-        model = self.model
-        digest = hashlib.sha256(repr((model.scene, model.grid, model.shape_function.__name__)).encode())
-        for array in (model.points.x, model.points.volume, model.points.half_length):
-            digest.update(np.ascontiguousarray(array).tobytes())
+        """Hash of all numbers that an iterate depends on: a checkpoint fits a problem of the same ones only."""
+        model, scene = self.model, self.model.scene
+        law = (scene.material.young, scene.penal, scene.contrast, scene.volume_fraction, scene.rho_min)
+        digest = hashlib.sha256(repr((scene.objective, *map(float, law))).encode())
+        operators = (model.stiffness.data_map, self.filter.matrix, model.transfer.B)
+        arrays = (model.points.volume, model.D, model.f_ext, model.stiffness.dof)
+        for array in (*arrays, *(part for m in operators for part in (m.data, m.indices, m.indptr))):
+            digest.update(array.tobytes())
         return digest.hexdigest()
 
     def analyse(self, rho: Array) -> Evaluation:
-        """Evaluate physical densities (p,), of whatever origin: one solve."""
+        """Evaluate physical densities rho (p,) in [0, 1], of whatever origin: one solve."""
         scene = self.model.scene
+        if np.shape(rho) != self.x0.shape:
+            raise ValueError(f"densities of shape {np.shape(rho)} for {len(self.x0)} points: give one for each point")
+        if not np.all((rho >= -1e-9) & (rho <= 1 + 1e-9)):  # a filter's rounding passes; NaN does not
+            raise ValueError("densities outside 0 to 1: give physical densities")
+        rho = np.clip(rho, 0, 1)
+        rho.flags.writeable = False  # the gradient is taken from it later
         moduli = scene.material.young * simp(rho, scene.penal, scene.contrast)[0]
         state = equilibrium(self.model, moduli)
         constraints = np.array([self._volume_weight @ rho - 1])

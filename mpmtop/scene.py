@@ -39,6 +39,11 @@ class NotConverged(RuntimeError):
     """An iteration ended before it met its tolerance."""
 
 
+def _check_vector(what: str, value: tuple[float, float]) -> None:
+    if np.shape(value) != (2,) or not np.all(np.isfinite(value)):
+        raise InvalidScene(f"{what} {value}: give two finite numbers")
+
+
 class Region(Protocol):
     """A part of the plane: `bounds` is its bounding box, `contains` tells which positions lie in it."""
 
@@ -60,6 +65,8 @@ class Rectangle:
     upper: tuple[float, float]
 
     def __post_init__(self) -> None:
+        if np.shape(self.lower) != (2,) or np.shape(self.upper) != (2,):
+            raise InvalidScene(f"rectangle {self.lower} to {self.upper}: give two coordinates for each corner")
         sides = np.subtract(self.upper, self.lower)
         if not np.all(sides >= 0):  # also catches NaN
             raise InvalidScene(f"rectangle {self.lower} to {self.upper}: make every upper bound at least its lower one")
@@ -116,40 +123,51 @@ class Support:
     region: Region
     fixed: tuple[bool, bool] = (True, True)
 
+    def __post_init__(self) -> None:
+        if np.shape(self.fixed) != (2,):
+            raise InvalidScene(f"support fixed in {self.fixed}: say which of the two components, (x, y), are held")
+
 
 @dataclass(frozen=True)
 class PointLoad:
-    """Force (2,) at `position`, shared equally by the `points` material points nearest to it (0: by no point, but
-    applied at the position itself through the shape functions there)."""
+    """Force (2,) at `position`, shared equally by the `points` material points nearest to it.
+
+    With `points` = 0 no point carries it: it acts at the position itself, through bilinear functions of the grid or
+    the mesh's own.
+    """
 
     position: tuple[float, float]
     force: tuple[float, float]
     points: int = 6
 
     def __post_init__(self) -> None:
-        if not np.all(np.isfinite([*self.position, *self.force])):
-            raise InvalidScene(f"point load {self.force} at {self.position}: give finite numbers")
+        _check_vector("position of a load", self.position)
+        _check_vector("force", self.force)
         if self.points < 0:
             raise InvalidScene(f"point load shared by {self.points} points: give 0 or more")
 
-    def carriers(self, x: Array, tol: float) -> Index:
-        """Indices of the points at x (p, 2) that share the load.
+    def shares(self, x: Array, tol: float) -> tuple[Index, Array]:
+        """Indices (n,) of the points at x (p, 2) that carry the load, and the share of each (n,), of sum one.
 
-        Points at one distance, to `tol`, are taken in the order of x, then y: rounding cannot change the choice.
+        Points at one distance, to `tol`, are alike: if there are more of them than shares left, all of them divide
+        what is left. The resultant is then as near to the position as can be, and a mirrored scene has a mirrored load.
         """
         if self.points > len(x):
             raise LoadOutsideBody(
                 f"point load at {self.position} asks for {self.points} points and the body has {len(x)}: lower `points`"
             )
-        distance = np.hypot(*(x - self.position).T)
-        return np.lexsort((x[:, 1], x[:, 0], np.round(distance / tol)))[: self.points]
+        distance = np.rint(np.hypot(*(x - self.position).T) / tol)
+        last = np.partition(distance, self.points - 1)[self.points - 1]
+        nearer, shell = np.flatnonzero(distance < last), np.flatnonzero(distance == last)
+        left = (self.points - len(nearer)) / len(shell)
+        return np.append(nearer, shell), np.repeat([1.0, left], [len(nearer), len(shell)]) / self.points
 
     def act(self, x: Array, tol: float) -> tuple[Array, Array]:
         """Positions (n, 2) and forces (n, 2) of the load on a body with points (or elements) at x (p, 2)."""
         if self.points == 0:
             return np.array([self.position], float), np.array([self.force], float)
-        nearest = self.carriers(x, tol)
-        return x[nearest], np.tile(np.divide(self.force, self.points), (self.points, 1))
+        carriers, share = self.shares(x, tol)
+        return x[carriers], np.outer(share, self.force)
 
 
 @dataclass(frozen=True)
@@ -160,20 +178,19 @@ class RegionLoad:
     force: tuple[float, float]
 
     def __post_init__(self) -> None:
-        if not np.all(np.isfinite(self.force)):
-            raise InvalidScene(f"region load {self.force}: give finite numbers")
+        _check_vector("force", self.force)
 
-    def carriers(self, x: Array, tol: float) -> Index:
-        """Indices of the points at x (p, 2) that share the load: those in the region."""
-        inside = np.nonzero(self.region.contains(x, tol))[0]
+    def shares(self, x: Array, tol: float) -> tuple[Index, Array]:
+        """Indices (n,) of the points at x (p, 2) in the region, and the share of each (n,), of sum one."""
+        inside = np.flatnonzero(self.region.contains(x, tol))
         if len(inside) == 0:
             raise LoadOutsideBody("the region of a load holds no material point: enlarge it or move it onto the body")
-        return inside
+        return inside, np.full(len(inside), 1 / len(inside))
 
     def act(self, x: Array, tol: float) -> tuple[Array, Array]:
         """Positions (n, 2) and forces (n, 2) of the load on a body with points (or elements) at x (p, 2)."""
-        inside = self.carriers(x, tol)
-        return x[inside], np.tile(np.divide(self.force, len(inside)), (len(inside), 1))
+        carriers, share = self.shares(x, tol)
+        return x[carriers], np.outer(share, self.force)
 
 
 @dataclass(frozen=True)
@@ -223,6 +240,13 @@ class Scene:
         lower, upper = self.domain.bounds
         if not (np.all(np.isfinite([lower, upper])) and np.all(upper > lower)):
             raise EmptyDomain(f"domain of {self.name!r} spans {lower} to {upper}: give it a finite, positive area")
+        for name, parts in (("supports", self.supports), ("loads", self.loads)):
+            if not isinstance(parts, tuple):
+                raise InvalidScene(f"{name} of {self.name!r}: give a tuple, with a comma after a single one")
+        if not isinstance(self.objective, Compliance | PNormStress):
+            raise InvalidScene(f"objective {self.objective!r}: give Compliance() or PNormStress(p, q)")
+        if isinstance(self.objective, PNormStress) and self.objective.q >= self.penal:
+            raise InvalidScene(f"stress relaxation q {self.objective.q}: give one below the penalty {self.penal}")
         if not self.supports:
             raise UnsupportedBody(f"{self.name!r} has no support: add one")
         if not self.loads:

@@ -1,9 +1,11 @@
 """Shape functions along one axis: tent (Eq. 6), GIMP (Eq. 7), quadratic B-spline. Values and gradients together.
 
-A shape function is called with the positions xi (p,) of the points in units of cells (cell i is [i, i + 1)) and the
-half-lengths l (p,) of their domains in the same unit. It returns a `Stencil`: the first of n consecutive nodes, and
-the values and gradients (per cell size) of these nodes' functions at each point. All of them form a partition of
-unity, sum N = 1 and sum grad N = 0, and reproduce linear fields on an unbounded grid.
+A shape function is called with the positions xi (p,) of the points in units of cells (cell i is [i, i + 1)), the
+half-lengths l (p,) of their domains in the same unit, and `tol` [cells]: a point, or the edge of its domain, that is no
+further than this from a kink of the function lies on it. What lies beyond by less is noise of floating point, and the
+stiffness of a node touched by such noise alone would be noise, too. It returns a `Stencil`: the first of n consecutive
+nodes, and the values and gradients (per cell size) of these nodes' functions at each point. All of them form a
+partition of unity, sum N = 1 and sum grad N = 0, and reproduce linear fields on an unbounded grid.
 """
 
 from typing import NamedTuple, Protocol
@@ -21,31 +23,31 @@ class Stencil(NamedTuple):
     grad_N: Array
 
 
-def _rounding(xi: Array) -> Array:
-    """Distance [cells] to a kink of the function below which a point lies on it: what lies beyond by less is noise of
-    floating point, and the stiffness of a node touched by such noise alone would be noise, too."""
-    return np.maximum(1e-12, 4 * np.finfo(float).eps * np.abs(xi))
-
-
 class ShapeFunction(Protocol):
     """See the module's docstring; `__name__` names it in reports."""
 
     __name__: str
 
-    def __call__(self, xi: Array, half_length: Array) -> Stencil:
+    def __call__(self, xi: Array, half_length: Array, tol: float) -> Stencil:
         """Values and gradients at xi (p,)."""
         ...
 
 
-def tent(xi: Array, half_length: Array) -> Stencil:
-    """Standard piecewise linear function, Eq. (6); at a grid line the gradient is that of the cell on the right."""
-    cell = np.floor(xi)
+def _in_cell(xi: Array, tol: float) -> tuple[Array, Array]:
+    """Half-open cell of each position, and the position in it, in [0, 1)."""
+    cell = np.floor(xi + tol)
     s = xi - cell
+    return cell, np.where(s <= tol, 0.0, s)
+
+
+def tent(xi: Array, half_length: Array, tol: float = 0.0) -> Stencil:
+    """Standard piecewise linear function, Eq. (6); at a grid line the gradient is that of the cell on the right."""
+    cell, s = _in_cell(xi, tol)
     one = np.ones_like(s)
     return Stencil(cell.astype(np.intp), np.stack([1 - s, s], axis=1), np.stack([-one, one], axis=1))
 
 
-def gimp(xi: Array, half_length: Array) -> Stencil:
+def gimp(xi: Array, half_length: Array, tol: float = 0.0) -> Stencil:
     """Generalised interpolation, Eq. (7): the tent averaged over the point's domain [xi - l, xi + l], with l <= 1/2.
 
     A domain within one cell gives the tent's values exactly. Otherwise it holds one node, at distance d = xi - node,
@@ -53,7 +55,7 @@ def gimp(xi: Array, half_length: Array) -> Stencil:
     printed omits the constant l/2 of the middle branch; without it the functions do not sum to one.)
     Source: Bardenhagen and Kober (2004), CMES 5:477.
     """
-    if np.any(half_length > 0.5 + 1e-9):
+    if np.any(half_length > 0.5 + tol):
         raise ValueError(
             f"GIMP: a point's domain is {2 * half_length.max():.3g} cells wide: "
             "use at least one point per cell and direction"
@@ -61,9 +63,8 @@ def gimp(xi: Array, half_length: Array) -> Stencil:
     lp = np.minimum(half_length, 0.5)
     node = np.rint(xi)
     d = xi - node
-    crosses = np.abs(d) < lp - _rounding(xi)
-    within = np.floor(xi)
-    s = xi - within
+    crosses = np.abs(d) < lp - tol
+    within, s = _in_cell(xi, tol)
 
     a, b = (lp - d) ** 2 / (4 * lp), (lp + d) ** 2 / (4 * lp)
     da, db = -(lp - d) / (2 * lp), (lp + d) / (2 * lp)
@@ -76,13 +77,14 @@ def gimp(xi: Array, half_length: Array) -> Stencil:
     )
 
 
-def bspline2(xi: Array, half_length: Array) -> Stencil:
+def bspline2(xi: Array, half_length: Array, tol: float = 0.0) -> Stencil:
     """Quadratic B-spline on the three nodes nearest to the point; the gradient is continuous everywhere.
 
+    Its nodes reach beyond the body: with one point for each cell they are all but mechanisms, use at least two.
     Source: Steffen, Kirby and Berzins (2008), Int. J. Numer. Meth. Engng 76:922 (unmodified at boundaries).
     """
     node = np.floor(xi + 0.5)
     d = xi - node
-    d = np.where(np.abs(d) > 0.5 - _rounding(xi), np.copysign(0.5, d), d)
+    d = np.where(np.abs(d) >= 0.5 - tol, np.copysign(0.5, d), d)
     N = np.stack([(0.5 - d) ** 2 / 2, 0.75 - d**2, (0.5 + d) ** 2 / 2], axis=1)
     return Stencil((node - 1).astype(np.intp), N, np.stack([d - 0.5, -2 * d, d + 0.5], axis=1))

@@ -47,7 +47,10 @@ def weights(grid: Grid, points: MaterialPoints, shape_function: ShapeFunction) -
     """Grid nodes (p, n), whether touched (p, n), N (p, n) and grad_N (p, n, 2) [1/length] of every point's stencil."""
     xi = grid.cell_coordinates(points.x)
     length = points.half_length / grid.h
-    sx, sy = (shape_function(xi[:, a], length[:, a]) for a in (0, 1))
+    # what forming xi from x and the origin can lose, and never less than a test by hand would call equal
+    largest = max(float(np.abs(points.x).max()), *map(abs, grid.origin))
+    tol = max(1e-12, 8 * np.finfo(float).eps * largest / min(grid.h))
+    sx, sy = (shape_function(xi[:, a], length[:, a], tol) for a in (0, 1))
     hx, hy = grid.h
     n = sx.N.shape[1]
 

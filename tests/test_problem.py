@@ -8,6 +8,7 @@ from mpmtop.equilibrium import discretise
 from mpmtop.material import simp
 from mpmtop.points import MaterialPoints
 from mpmtop.problem import DesignProblem, plan
+from mpmtop.scene import PNormStress, PointLoad
 from mpmtop.shape_functions import ShapeFunction, bspline2, gimp, tent
 from tests.scenes import cantilever
 
@@ -74,10 +75,45 @@ def test_start_is_feasible_and_uniform() -> None:
 
 
 def test_fingerprint_tells_problems_apart() -> None:
-    scenes = [cantilever(), cantilever(filter_radius=2.0), cantilever(volume_fraction=0.5)]
-    problems = [DesignProblem(discretise(s, 1.0, shape_function=f)) for s in scenes for f in (tent, gimp)]
-    assert len({p.fingerprint for p in problems}) == 6
-    assert problems[0].fingerprint == DesignProblem(discretise(cantilever(), 1.0)).fingerprint
+    """By the numbers: without crossing GIMP is the standard method, and a name or an integer changes nothing."""
+
+    def fingerprint(shift: float = 0.0, shape_function: ShapeFunction = tent, **changes: object) -> str:
+        points = discretise(cantilever(), 1.0).points.moved((shift, 0.0))
+        model = discretise(cantilever(**changes), 1.0, points=points, shape_function=shape_function)
+        return DesignProblem(model).fingerprint
+
+    same = {fingerprint(), fingerprint(shape_function=gimp), fingerprint(name="another"), fingerprint(penal=3)}
+    assert len(same) == 1
+    different = [
+        fingerprint(filter_radius=2.0),
+        fingerprint(volume_fraction=0.5),
+        fingerprint(penal=4.0),
+        fingerprint(objective=PNormStress()),
+        fingerprint(objective=PNormStress(p=20)),
+        fingerprint(loads=(PointLoad((8.0, 0.0), (0.0, -1.0)),)),
+        fingerprint(0.3),
+        fingerprint(0.3, gimp),
+    ]
+    assert len({*same, *different}) == 9
+
+
+def test_densities_are_checked() -> None:
+    problem = DesignProblem(discretise(cantilever(), 1.0))
+    with pytest.raises(ValueError, match="one for each point"):
+        problem.analyse(np.ones(3))
+    for wrong in (-0.1, 1.1, np.nan):
+        with pytest.raises(ValueError, match="physical densities"):
+            problem.analyse(np.full(128, wrong))
+
+
+def test_callers_arrays_are_their_own() -> None:
+    """Changing a design that was handed in or out changes nothing of an evaluation."""
+    problem = DesignProblem(discretise(cantilever(), 1.0))
+    rho = np.full(128, 0.5)
+    at = problem.analyse(rho)
+    gradient = problem.density_gradient(at)
+    rho[:] = 1.0
+    np.testing.assert_array_equal(problem.density_gradient(at), gradient)
 
 
 def test_plan_says_what_is_skipped() -> None:

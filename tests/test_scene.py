@@ -11,12 +11,14 @@ from mpmtop.scene import (
     InvalidScene,
     LoadOutsideBody,
     Material,
+    PNormStress,
     PointLoad,
     Rectangle,
     RegionLoad,
+    Support,
     UnsupportedBody,
 )
-from tests.scenes import cantilever
+from tests.scenes import LEFT_CLAMP, cantilever
 
 NAN = float("nan")
 
@@ -42,6 +44,9 @@ NAN = float("nan")
         ({"contrast": NAN}, InvalidScene, "below 1"),
         ({"penal": 0.5}, InvalidScene, "at least 1"),
         ({"penal": NAN}, InvalidScene, "at least 1"),
+        ({"supports": LEFT_CLAMP}, InvalidScene, "with a comma"),
+        ({"objective": "compliance"}, InvalidScene, r"give Compliance\(\)"),
+        ({"objective": PNormStress(12, 3.0)}, InvalidScene, "below the penalty"),
     ],
     ids=str,
 )
@@ -61,6 +66,10 @@ def test_parts_refuse() -> None:
         Material(poisson=0.5)
     with pytest.raises(InvalidScene, match="'strain' or 'stress'"):
         Material(plane="thick")  # type: ignore[arg-type]
+    with pytest.raises(InvalidScene, match="two coordinates"):
+        Rectangle((0, 0, 0), (1, 1, 1))  # type: ignore[arg-type]
+    with pytest.raises(InvalidScene, match="two components"):
+        Support(Rectangle((0, 0), (1, 1)), (True,))  # type: ignore[arg-type]
     with pytest.raises(InvalidScene, match="finite numbers"):
         PointLoad((0, 0), (NAN, 1))
     with pytest.raises(InvalidScene, match="0 or more"):
@@ -111,9 +120,34 @@ def test_seeding_tiles_the_domain(ppc: int | tuple[int, int], count: int) -> Non
 def test_six_nearest_points() -> None:
     """At mid-height the six nearest of a 2 x 2 lattice are two in the last column and their neighbours, by symmetry."""
     x = discretise(cantilever(8, 4), 1.0).points.x
-    nearest = x[PointLoad((8, 2), (0, -1)).carriers(x, 1e-9)]
+    at, force = PointLoad((8, 2), (0, -1)).act(x, 1e-9)
     expected = {(7.75, 1.75), (7.75, 2.25), (7.25, 1.75), (7.25, 2.25), (7.75, 1.25), (7.75, 2.75)}
-    assert set(map(tuple, nearest)) == expected
-    jittered = x + np.random.default_rng(0).uniform(-1e-13, 1e-13, x.shape)  # rounding must not change the choice
-    for load in (PointLoad((8, 2), (0, -1)), PointLoad((8, 0), (0, -1)), PointLoad((4, 4), (0, -1), points=3)):
-        assert set(load.carriers(x, 1e-9)) == set(load.carriers(jittered, 1e-9))
+    assert set(map(tuple, at)) == expected
+    np.testing.assert_allclose(force, [[0, -1 / 6]] * 6, rtol=1e-15)
+
+
+@pytest.mark.parametrize("points", [1, 2, 3, 5, 6, 7])
+@pytest.mark.parametrize("position", [(8.0, 2.0), (8.0, 0.0), (4.0, 4.0), (5.0, 2.0), (5.1, 2.3)])
+def test_load_is_shared_by_whole_shells(position: tuple[float, float], points: int) -> None:
+    """The whole force acts, rounding of positions changes nothing, and a mirrored scene has the mirrored load."""
+    x = discretise(cantilever(8, 4), 1.0).points.x
+    load = PointLoad(position, (0.3, -1.0), points)
+    at, force = load.act(x, 1e-9)
+    np.testing.assert_allclose(force.sum(axis=0), [0.3, -1.0], rtol=1e-14)
+    jittered = x + np.random.default_rng(0).uniform(-1e-13, 1e-13, x.shape)
+    assert set(load.shares(x, 1e-9)[0]) == set(load.shares(jittered, 1e-9)[0])
+    mirror = np.array([8.0, 0.0])
+    mirrored = PointLoad((8 - position[0], position[1]), (-0.3, -1.0), points)
+    there, other = mirrored.act(mirror + [-1, 1] * x, 1e-9)
+    ours = {(*np.round(a, 9), *np.round(f, 12)) for a, f in zip(at, force, strict=True)}
+    theirs = {
+        (*np.round(mirror + [-1, 1] * a, 9), *np.round([-1, 1] * f, 12)) for a, f in zip(there, other, strict=True)
+    }
+    assert ours == theirs
+
+
+def test_spacing_must_divide_the_domain() -> None:
+    with pytest.raises(InvalidScene, match="does not divide"):
+        discretise(cantilever(8.3, 4), 1.0)
+    with pytest.raises(ValueError, match="whole number"):
+        discretise(cantilever(), 1.0, 2.5)  # type: ignore[arg-type]

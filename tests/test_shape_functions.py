@@ -145,3 +145,23 @@ def test_tangent_and_von_mises() -> None:
     pressure = np.array([[-1.0, -1.0, 0.0]])  # sigma_zz = -2 nu in plane strain, 0 in plane stress
     np.testing.assert_allclose(von_mises(pressure, Material(poisson=nu)), 1 - 2 * nu, rtol=1e-15)
     np.testing.assert_allclose(von_mises(pressure, Material(plane="stress")), 1, rtol=1e-15)
+
+
+@ALL
+@pytest.mark.parametrize("h", [0.1, 1 / 3, 0.7, 1e-9, 1e9])
+@pytest.mark.parametrize("offset", [0.0, 1000.3, 1e6])
+@pytest.mark.parametrize("place", [0.25, 0.5, 1 / 6])
+def test_rounding_does_not_choose_the_cell(
+    shape_function: ShapeFunction, h: float, offset: float, place: float
+) -> None:
+    """Points moved onto grid lines, and domains that end on one, touch the same nodes in any unit and place."""
+    exact = seed(Rectangle((0, 0), (4, 2)), (1 / 3, 1 / 3) if place == 1 / 6 else (0.5, 0.5)).moved((place, place))
+    reference = transfer(Grid((-2, -2), (1, 1), (9, 7)), exact, shape_function)
+    origin = np.array([offset * h, -offset * h])
+    scaled = MaterialPoints(exact.x * h + origin, exact.volume * h**2, exact.half_length * h)
+    grid = Grid(tuple(np.array([-2.0, -2.0]) * h + origin), (h, h), (9, 7))  # type: ignore[arg-type]
+    moved = transfer(grid, scaled, shape_function)
+    np.testing.assert_array_equal(moved.nodes, reference.nodes)
+    # positions at 1e6 h are given to 1e-10 h only
+    difference = abs(moved.N_matrix - reference.N_matrix).max()
+    assert difference < 1e-12 + 1e-15 * offset
