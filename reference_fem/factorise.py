@@ -23,21 +23,22 @@ def choose_elimination(ix: Index, element_dofs: Index, step: int) -> tuple[Index
 
     `element_dofs` (e, d) numbers the dofs of each element, -1 where held; elements are `step` lattice spacings wide.
     """
-    order = short_side_order(ix)
-    place = np.append(np.argsort(order), -1)  # the last entry is read by held dofs
-    places = place[element_dofs]
-    held = places < 0
-    last, first = np.where(held, -1, places).max(axis=1), np.where(held, len(ix), places).min(axis=1)
-    half_band = int((last - first).max())
-    if len(ix) * (half_band + 1) <= BANDED_ENTRIES:
-        return order, banded_cholesky
+    i, j = ix.T
+    orders = [np.lexsort(keys) for keys in ((j, i), (i, j), (i, i - j), (i, i + j))]  # columns, rows, diagonals
+    half_bands = [half_band(order, element_dofs) for order in orders]
+    narrowest = int(np.argmin(half_bands))
+    if len(ix) * (half_bands[narrowest] + 1) <= BANDED_ENTRIES:
+        return orders[narrowest], banded_cholesky
     return nested_dissection(ix, step), nested_superlu
 
 
-def short_side_order(ix: Index) -> Index:
-    """Order (n,) of lattice positions ix (n, 2) line by line along the shorter side: the smallest bandwidth."""
-    long = int(np.argmax(np.ptp(ix, axis=0)))
-    return np.lexsort((ix[:, 1 - long], ix[:, long]))
+def half_band(order: Index, element_dofs: Index) -> int:
+    """Largest distance in `order` (n,) of two dofs of one element, held ones (-1) left out."""
+    place = np.append(np.argsort(order), -1)  # the last entry is read by held dofs
+    places = place[element_dofs]
+    held = places < 0
+    last, first = np.where(held, -1, places).max(axis=1), np.where(held, len(order), places).min(axis=1)
+    return int((last - first).max())
 
 
 def nested_dissection(ix: Index, step: int) -> Index:

@@ -179,7 +179,7 @@ def test_floating_body_is_named(solver: type) -> None:
     """A body that can rotate about its one held node, and one that floats on a slit of no material."""
     pin = Support(Rectangle((0, 0), (0, 0)))
     model = discretise(cantilever(supports=(pin,)), 1.0, solver=solver)
-    # a rotation is a mechanism of many nodes: SuperLU's order leaves its pivot just above rounding, but not its residual
+    # a rotation is a mechanism of many nodes: SuperLU's order leaves its pivot just above rounding, not its residual
     with pytest.raises((UnsupportedBody, NotConverged), match="support"):
         equilibrium(model, np.ones(128))
     roller = Support(Rectangle((0, 0), (8, 0)), (False, True))
