@@ -2,8 +2,8 @@
 
 A 40h x 20h cantilever, clamped at its left edge, with a tip force on the right edge, 3,200 material points (2 x 2 per
 cell), 40 % of the volume, penalty 3. Units: h = F = E0 = 1, so compliance is in F²/E0. **Our choices**, where the paper
-is silent: tip force at mid-height, density filter of radius 1.5h = 3 point spacings, `rho_min` = 1e-3, E_min = 1e-9 E0.
-The tables below show what depends on them.
+is silent: tip force at mid-height, density filter of radius 1.5h = 3 point spacings (chosen to meet the paper's 83.57),
+`rho_min` = 1e-3, E_min = 1e-9 E0. The tables below show what depends on them.
 
 Three methods run on identical scenes: **standard** MPM (tent functions), **GIMP**, and **FEM** (scikit-fem, bilinear
 elements, one for each material point: a displacement field twice as fine as the background grid's). The **fine
@@ -139,13 +139,6 @@ def test_optimisation(report: Report, lock: Lock, optimisations: dict[str, Optim
         "Optimised cantilevers, each measured by the method that made it. Grayness is 4 mean(rho (1 - rho)).",
     )
     report.check(
-        "optimised compliance, standard [F²/E0]",
-        standard.final,
-        paper.CANTILEVER_COMPLIANCE.value,
-        rtol=0.03,  # radius, load position and rho_min are ours
-        source=paper.CANTILEVER_COMPLIANCE.where,
-    )
-    report.check(
         "iterations to convergence, standard",
         standard.iterations,
         int(paper.CANTILEVER_ITERATIONS.value),
@@ -169,7 +162,7 @@ def test_optimisation(report: Report, lock: Lock, optimisations: dict[str, Optim
         "largest relative rise of compliance in an iteration, all methods",
         max(0.0, rise),
         at_most=ROUNDING_RISE,
-        source="Fig. 9: monotone history",
+        source="Svanberg (2002): GCMMA does not rise",
     )
     draw_histories(report, optimisations)
     draw_layouts(report, standard, optimisations)
@@ -211,8 +204,9 @@ def final_compliance(load: TipLoad, radius: float) -> dict[str, float]:
 def test_radius_and_load(report: Report, lock: Lock, progress: ShowProgress) -> None:
     """What 83.57 depends on: filter radius and load position
 
-    The paper states neither the filter's radius nor where on the right edge the force acts. Every combination is
-    optimised by standard MPM.
+    The paper states neither the filter's radius nor where on the right edge the force acts, nor the force. Every
+    combination is optimised by standard MPM, with F²/E0 = 1. That one of them meets 83.57 is a **calibration**, not a
+    prediction: it shows which choices the paper may have made, and fixes the radius of this study.
     """
     cases = [(load, radius) for load in LOADS for radius in RADII]
     # one process unless `joblib.parallel_config` says otherwise: starting workers costs as much as a second one saves
@@ -229,7 +223,7 @@ def test_radius_and_load(report: Report, lock: Lock, progress: ShowProgress) -> 
         f"{results[nearest]['compliance']:.5g} after {results[nearest]['iterations']:.0f} iterations."
     )
     near = report.check(
-        f"optimised compliance, load at {load}, radius {radius:g} spacings",
+        f"optimised compliance, calibrated: load at {load}, radius {radius:g} spacings [F²/E0]",
         results[nearest]["compliance"],
         stated,
         rtol=0.03,
@@ -253,7 +247,7 @@ def test_cross_evaluation(
     """Every design in every analyser, and on the fine reference
 
     A method that judges its own design may flatter it. Rows are designs, columns the analysis; the fine reference
-    is nobody's own, and its own error is shown by halving its elements' count.
+    is nobody's own, and its own error is shown by its change from 1 x 1 to 2 x 2 elements for each point.
     """
     designs = {name: done.design for name, done in optimisations.items()}
     table = pd.DataFrame(
@@ -337,7 +331,7 @@ def test_modulus_contrast(report: Report, lock: Lock) -> None:
     )
     report.table("contrast", table.rename_axis("E_min / E0"), "Standard MPM by modulus contrast.")
     spread = float(table["compliance"].max() / table["compliance"].min() - 1)
-    holds = report.check("spread of the optimum over the readings of E_min", spread, at_most=0.01, source="Sect. 3.2")
+    holds = report.check("spread of the optimum over the readings of E_min", spread, at_most=0.01, source="our bound")
     lock({name: optimisation.final for name, optimisation in done.items()}, rtol=RTOL_OPTIMUM)
     assert holds
 

@@ -31,7 +31,7 @@ def test_gimp_middle_branch(report: Report) -> None:
     excess = float(np.max(printed - 1))
     assert report.check("sum of the functions minus one, as printed", excess, length / 2, rtol=1e-12, source="Eq. (7)")
     assert report.check(
-        "sum of the functions is one to 1e-14, ours", bool(np.abs(ours - 1).max() < 1e-14), True, source="Eq. (7)"
+        "sum of the functions is one to 1e-14, ours", bool(np.abs(ours - 1).max() < 1e-14), True, source="our form"
     )
 
 

@@ -7,7 +7,9 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 
+from mpmtop.equilibrium import discretise, equilibrium
 from mpmtop.grid import Grid
+from mpmtop.objectives import compliance
 from mpmtop.points import MaterialPoints, seed
 from mpmtop.scene import Rectangle
 from mpmtop.shape_functions import ShapeFunction, bspline2, gimp, tent
@@ -66,18 +68,19 @@ def test_patch(report: Report) -> None:
     )
     uniform = table.set_index("points").iloc[:3].to_numpy()
     holds = report.check(
-        "largest unbalanced force of uniform points, shifted or not, all functions: below 1e-12",
+        "uniform points, shifted or not, all functions: unbalanced force below 1e-12",
         bool(uniform.max() < 1e-12),
         True,
         source="equilibrium of a constant stress",
     )
-    crossed = worst["every 4th boundary crossed by 0.01 h"]
-    breaks = report.check(
-        "unbalanced force of crossed points, GIMP over standard",
-        crossed["GIMP"] / crossed["standard"],
-        at_most=1.0,
-        source="Sect. 2.2: GIMP mitigates",
-    )
+    # where points cross the paper's claim holds; where none does, GIMP's domains cross all the same
+    for case in ("every 4th boundary crossed by 0.01 h", "jitter of 0.05 h, no point crosses"):
+        report.check(
+            f"unbalanced force, GIMP over standard: {case}",
+            worst[case]["GIMP"] / worst[case]["standard"],
+            at_most=1.0,
+            source="Sect. 2.2: GIMP mitigates",
+        )
 
     shifts = np.linspace(0, 0.5, 101)
     strip = seed(Rectangle((0.0, 0.0), (12.0, 8.0)), (SPACING, SPACING))
@@ -96,4 +99,31 @@ def test_patch(report: Report) -> None:
     report.figure(
         "patch", figure, "One column of points pushed over a cell boundary: the tent's force jumps, the others' grow."
     )
-    assert holds and breaks
+    assert holds
+
+
+def test_outer_edge(report: Report) -> None:
+    """An infinitesimal move over the body's outer edge
+
+    A point's domain that ends on the body's edge and is moved beyond it by a hair touches a row of nodes outside. Their
+    stiffness is next to nothing, of order s² for an overlap s, but so is what holds them: they move as they like, by
+    1/s, and let go a finite part of the strain at the edge. GIMP's compliance jumps, the displacement of the points
+    stays finite. The independent code AMPLE does the same. The tent sees the edge only when a point crosses it, the
+    B-spline has nodes outside from the start. A study of crossing must not mix this up with crossing inside the body.
+    """
+    shifts = (0.0, 1e-9, 1e-6, 1e-3, 1e-2)
+    scene = cantilever()
+    points = seed(scene.domain, (SPACING, SPACING))
+    rows: dict[str, dict[str, float]] = {}
+    for function in FUNCTIONS:
+        models = (discretise(scene, H, points=points.moved((0.0, s * H)), shape_function=function) for s in shifts)
+        values = [compliance(model, equilibrium(model, np.ones(len(points.x)))) for model in models]
+        rows[NAMES[function.__name__]] = {f"{s:g} h": v / values[0] - 1 for s, v in zip(shifts, values, strict=True)}
+    table = pd.DataFrame.from_dict(rows, orient="index").rename_axis("shift in y")
+    report.table("outer_edge", table.round(6).reset_index(), "Relative change of the solid cantilever's compliance.", 3)
+    jump = report.check(
+        "change of compliance by a shift of 1e-9 h in y, GIMP", rows["GIMP"]["1e-09 h"], source="small-cut effect"
+    )
+    smooth = all(abs(rows[NAMES[f]]["1e-09 h"]) < 1e-6 for f in ("tent", "bspline2"))
+    report.check("tent and B-spline change by less than 1e-6", smooth, True, source="continuity")
+    assert jump and smooth
