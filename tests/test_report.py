@@ -18,10 +18,11 @@ import matplotlib.style
 import numpy as np
 import pandas as pd
 import pytest
+from markdown_it import MarkdownIt
 
 from validation import conftest
 from validation.metrics import STYLE, draw_design, draw_points
-from validation.report import CLAIM_COLUMNS, Report
+from validation.report import CLAIM_COLUMNS, Claim, Report
 from validation.templates import cell, show
 
 pytest_plugins = ["pytester"]
@@ -151,12 +152,60 @@ def test_failing_tests_keep_their_claims(studied: tuple[Path, str]) -> None:
         ("crossing", "speed-up", "see timings", ">= 2", "", "our choice", "agrees"),
         ("other", "radius", "3.0", "", "", "our choice", "not stated"),
     ]
-    assert "5 of 5 claims run; 2 agree, 2 differ, 1 not stated" in printed
+    assert "5 of 5 claims run; paper: 1 agree, 1 differ, 0 not stated; our checks: 1 of 2 hold" in printed
     assert f"report: {folder / 'reports' / 'index.html'}" in printed
     page = (folder / "reports" / "crossing.md").read_text()
     assert "`test_optimum` ended with RuntimeError" in page
     assert r"| jump, GIMP \| solid | 1.138 ±" in page
     assert "test_skipped" not in page
+
+
+def tables(page: Path) -> list[list[list[str]]]:
+    """Text of the cells of each table of a page, row by row, without the links to sections."""
+    text = page.read_text()
+    text = MarkdownIt(options_update={"html": False}).enable("table").render(text) if page.suffix == ".md" else text
+    split = [
+        [re.findall(r"<t[hd][ >].*?</t[hd]>", row, re.DOTALL) for row in table.split("</tr>")[:-1]]
+        for table in re.findall(r"<table.*?</table>", text, re.DOTALL)
+    ]
+    tags = re.compile(r'<a class="where".*?</a>|<[^>]*>')
+    return [[[html.unescape(tags.sub("", cell)).strip() for cell in row] for row in rows] for rows in split]
+
+
+@pytest.mark.parametrize("suffix", ["md", "html"])
+def test_claims_of_the_paper_stand_apart_from_our_checks(studied: tuple[Path, str], suffix: str) -> None:
+    paper = ["Claim", "What the paper says", "What we get", "Verdict", "Source"]
+    ours = ["Check", "Required", "What we get", "Verdict", "Why / source"]
+    tent, gimp = "jump, tent | solid", "jump, GIMP | solid"
+    index, crossing = (studied[0] / "reports" / f"{name}.{suffix}" for name in ("index", "crossing"))
+    counts, *listed = tables(index)
+    assert counts == [
+        ["Study", "agrees", "differs", "not stated", "our checks"],
+        ["Crossing & <friends>", "1", "1", "0", "1 of 2"],
+        ["Another study", "0", "0", "0", "–"],  # its value is for comparison only
+    ]
+    assert [(rows[0], [row[0] for row in rows[1:]]) for rows in listed] == [
+        (paper, [gimp]),  # the claims that differ
+        (ours, ["not a number"]),
+        (paper, [tent, gimp]),  # all claims
+        (ours, ["not a number", "speed-up"]),
+        (ours, ["radius"]),
+    ]
+    assert re.findall(r"(?:<caption>|^\*\*)(The paper|Our)", index.read_text(), re.MULTILINE) == [
+        "The paper" if rows[0] == paper else "Our" for rows in listed
+    ]
+    assert [rows[0] for rows in tables(crossing)[:2]] == [paper, ours]
+    for page in (index, crossing):
+        assert re.search(r"(?i)our checks: (<b>|\*\*)1(</b>|\*\*) of (<b>|\*\*)2(</b>|\*\*) hold", page.read_text())
+
+
+def test_a_source_in_the_paper_makes_a_claim_the_papers() -> None:
+    def of_paper(source: str) -> bool:
+        return Claim("claim", 1.0, 1.0, None, source, "agrees").of_paper
+
+    places = ("Sect. 6.1: stiffer", "Sects. 2 and 3", "Fig. 9", "Figs. 9, 10", "Eq. (7)", "Eqs. (7, 8)")
+    assert all(map(of_paper, (*places, "Appendix: identical", "Appendix, Eq. A.1", "Table 2")))
+    assert not any(map(of_paper, ("our bound", "Svanberg (2002), Sect. 5", "Section of ours", "Tables", "Figure", "")))
 
 
 def test_a_lock_misses_no_column(studied: tuple[Path, str]) -> None:

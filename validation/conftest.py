@@ -16,7 +16,6 @@ import subprocess
 import sys
 import threading
 import time
-from collections import Counter
 from collections.abc import Generator, Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -35,7 +34,7 @@ from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from validation.metrics import STYLE
 from validation.report import Report, Section, Study, merge, merge_timings, read, read_timings, section
-from validation.templates import publish
+from validation.templates import count, holding, publish
 
 Item = TypeVar("Item")
 SHOWN_AFTER = 2.0  # [s] an iteration shorter than this needs no progress line
@@ -197,11 +196,13 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
     before = read(directory)
     studies = _studies(run, before)
     timings = merge_timings(read_timings(directory), run.reports.values(), studies)
-    verdicts = Counter(claim.verdict for study in studies for claim in study.claims)
-    ran = f"{sum(len(report.claims) for report in run.reports.values())} of {verdicts.total()} claims run"
+    claims = [claim for study in studies for claim in study.claims]
+    verdicts, (hold, checks) = count(claims), holding(claims)
+    ran = f"{sum(len(report.claims) for report in run.reports.values())} of {len(claims)} claims run"
     run.summary = [
         f"report: {directory / 'index.html'}",
-        f"{ran}; {verdicts['agrees']} agree, {verdicts['differs']} differ, {verdicts['not stated']} not stated",
+        f"{ran}; paper: {verdicts['agrees']} agree, {verdicts['differs']} differ, {verdicts['not stated']} not stated; "
+        f"our checks: {hold} of {checks} hold",
     ]
     figures = {file: svg for report in run.reports.values() for file, svg in report.figures.items()}
     provenance = _provenance(session.config, directory, ran, time.perf_counter() - run.started)

@@ -11,7 +11,7 @@ import io
 import json
 import math
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from inspect import cleandoc
 from pathlib import Path
@@ -42,6 +42,11 @@ class Claim:
     rtol: float | None
     source: str
     verdict: Verdict
+
+    @property
+    def of_paper(self) -> bool:
+        """Whether the source begins with a place in the paper, as in "Sect. 6.1: stiffer"; if not, a check of ours."""
+        return re.match(r"(Sects?|Figs?|Eqs?)\.|(Appendix|Table)\b", self.source) is not None
 
 
 @dataclass(frozen=True)
@@ -157,16 +162,13 @@ class Report:
         if expected is not None and bounds:
             raise ValueError(f"{claim!r}: give an expected value or bounds, not both")
         if rtol is not None and (isinstance(expected, bool | str) or not expected):
-            raise ValueError(
-                f"{claim!r}: rtol is relative to an expected number other than zero; use at_most, at_least"
-            )
+            raise ValueError(f"{claim!r}: rtol is relative to an expected number other than zero; give bounds instead")
         if isinstance(observed, float) and math.isnan(observed):
             verdict: Verdict = "differs"
         elif expected is None and not bounds:
             verdict = "not stated"
         else:
-            agrees = _holds(observed, expected, rtol, at_least, at_most)
-            verdict = "agrees" if agrees else "differs"
+            verdict = "agrees" if _holds(observed, expected, rtol, at_least, at_most) else "differs"
         stated = " and ".join(bounds) if expected is None else plain(expected, digits=12)
         self.claims.append(Claim(claim, plain(observed), stated, rtol, source, verdict))
         return verdict != "differs"
@@ -208,9 +210,8 @@ def plain(value: Any, digits: int = 6) -> Value:
     return value if isinstance(value, bool | int | str) else str(value)
 
 
-def section(reports: Iterable[Report], function: FunctionType) -> Section:
+def section(reports: Sequence[Report], function: FunctionType) -> Section:
     """What the runs of one test function (several if parametrised) recorded, in their order."""
-    reports = list(reports)
     title, text = _headed(function.__doc__, function.__name__)
     ended_by = next((report.ended_by for report in reports if report.ended_by), "")
     claims = [claim for report in reports for claim in report.claims]
@@ -267,9 +268,8 @@ def merge_timings(
     return sorted(rows, key=lambda row: tests.index((row["study"], row["test"])))
 
 
-def data_files(studies: Iterable[Study], timings: Iterable[Mapping[str, str]]) -> dict[str, str]:
+def data_files(studies: Sequence[Study], timings: Iterable[Mapping[str, str]]) -> dict[str, str]:
     """Stores and CSV files, text by path relative to the report."""
-    studies = list(studies)
     claims = [
         [study.name, *(asdict(claim)[c] for c in CLAIM_COLUMNS[1:])] for study in studies for claim in study.claims
     ]

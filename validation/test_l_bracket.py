@@ -296,35 +296,52 @@ def test_reduction(report: Report, analysers: dict[str, Analyser], runs: dict[st
 def test_fine_reference(report: Report, lock: Lock, runs: dict[str, Optimisation], judge: Judge) -> None:
     """Every final design on the fine reference
 
-    The corner is singular and edges of a density field are jagged, so a finer analysis sees more stress, of every
-    design. What counts is the order.
+    Each method is blind to what its own displacement field cannot resolve. Standard MPM and GIMP optimise four
+    densities in each cell over one bilinear displacement: where the optimiser leaves grey details smaller than a cell,
+    the points miss the stress there. Finite elements with one element for each density see most of it. The optimum that
+    MPM reports equals FEM's; the design behind it does not. The paper does not re-analyse its designs.
     """
-    x = runs["standard"].design.x  # the points the judge was built on
     names = {"standard": "standard, GCMMA warm", "GIMP": "GIMP, GCMMA warm", "FEM": "FEM, GCMMA warm"}
     names |= {rule: f"standard, {rule}, {SOLVES} solves" for rule in RULES}
     rows: dict[str, dict[str, Any]] = {}
+    fields: dict[str, Array] = {}
     for run, name in names.items():
-        rho = runs[run].design.at(x)
+        rho = runs[run].design.at(runs["standard"].design.x)  # the points the judge was built on
         stress = judge_stress(judge, rho, judge(rho))
-        corner = np.linalg.norm(judge.model.centres - CORNER, axis=1) < 2 * SPACING
+        fields[run] = stress.s
         rows[name] = {
             "p-norm by its method": runs[run].final,
             "p-norm, fine reference": stress.p_norm,
             "largest rho^q vm, fine reference": stress.largest,
-            "the same beyond 1 h of the corner": float(stress.s[~corner].max()),
+            "the same where rho >= 0.5": float(stress.s[rho[judge.owner] >= 0.5].max()),
         }
     table = pd.DataFrame.from_dict(rows, orient="index").rename_axis("design")
-    report.table("fine_reference", table, "Stress measures of the final designs [F/h].")
-    fine = table["p-norm, fine reference"]
-    holds = report.check(
+    report.table("fine_reference", table, "Stress measures of the final designs [F/h].", 4)
+    fine = {run: rows[name]["p-norm, fine reference"] for run, name in names.items()}
+    report.check(
         "true p-norm (fine reference) of standard MPM's design over that of FEM's",
-        float(fine.iloc[0] / fine.iloc[2]),
-        1.0,
-        rtol=0.1,  # designs from two discretisations of a problem with many near-optima
-        source="our bound",
+        fine["standard"] / fine["FEM"],
+        source="Sect. 5.1.2 gives MPM's own value only",
     )
-    lock({name: float(value) for name, value in fine.items()}, rtol=3 * RTOL_OPTIMUM)
-    assert holds
+    close = report.check(
+        "true p-norm of FEM's design over its own value",
+        fine["FEM"] / runs["FEM"].final,
+        at_most=1.25,  # the singular corner alone adds 9 % to the p-norm of the uniform start
+        source="resolution of one element for each density",
+    )
+    figure, axes = plt.subplots(1, 2, figsize=(7.0, 3.4), sharey=True)
+    centres = judge.model.centres
+    for ax, run in zip(axes, ("standard", "FEM"), strict=True):
+        drawn = draw_points(
+            ax, centres, np.full_like(centres, SPACING / 4), fields[run], vmin=0, vmax=1.5, label="rho^q vm [F/h]"
+        )
+        ax.set(title=f"design of {run}")
+        ax.label_outer()
+    figure.colorbar(drawn, ax=axes, label=drawn.get_label(), extend="max")
+    report.figure("fine_reference", figure, "Relaxed stress of the optimised designs on the fine reference.")
+    # the value of MPM's design hangs on grey details that another rounding places elsewhere: not locked
+    lock({"FEM": fine["FEM"]}, rtol=0.1)
+    assert close
 
 
 def best_feasible(run: Optimisation) -> Array:

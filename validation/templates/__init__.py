@@ -72,6 +72,7 @@ def pages(
         "bounds": bounds,
         "observed": observed,
         "count": count,
+        "holding": holding,
         "cell": cell,
         "html": lambda markdown: Markup(_MARKDOWN.render(markdown)),
         "inline": lambda markdown: Markup(_MARKDOWN.renderInline(markdown)),
@@ -93,8 +94,14 @@ def pages(
 
 
 def count(claims: Iterable[Claim]) -> Counter[str]:
-    """Number of claims by verdict."""
-    return Counter(claim.verdict for claim in claims)
+    """Number of the paper's claims by verdict."""
+    return Counter(claim.verdict for claim in claims if claim.of_paper)
+
+
+def holding(claims: Iterable[Claim]) -> tuple[int, int]:
+    """How many of our checks hold, of how many; a value reported for comparison only, "not stated", is not counted."""
+    verdicts = [claim.verdict for claim in claims if not claim.of_paper and claim.verdict != "not stated"]
+    return verdicts.count("agrees"), len(verdicts)
 
 
 def show(value: Value | None) -> str:
