@@ -1,6 +1,7 @@
-"""Errata: what the paper misprints, checked by computing it
+"""Errata
 
-Each of these changes numbers if it is implemented as printed. Nothing here concerns the paper's conclusions.
+What the paper misprints, checked by computing it. Each of these changes numbers if it is implemented as printed.
+Nothing here concerns the paper's conclusions.
 """
 
 import numpy as np

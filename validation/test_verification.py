@@ -1,6 +1,7 @@
-"""Verification: what holds before anything is compared
+"""Verification
 
-Identities of the discretisation that decide what a comparison can mean. Where an identity breaks, that is a result.
+What holds before anything is compared: identities of the discretisation that decide what a comparison can mean. Where
+an identity breaks, that is a result.
 """
 
 import matplotlib.pyplot as plt
