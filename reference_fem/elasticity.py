@@ -188,8 +188,14 @@ def inverse_stiffness(model: FemModel, young: Array) -> Solve:
 
 def unit_work(model: FemModel, v: Array, u: Array) -> Array:
     """v_e . k_e u_e (e,) at unit modulus: times the moduli it sums to v.K u, and minus it is dJ/dE for an adjoint v."""
-    v_e, u_e = v[model.basis.element_dofs.T], u[model.basis.element_dofs.T]
+    v_e, u_e = (_without_translation(w[model.basis.element_dofs.T]) for w in (v, u))
     return np.sum(np.matmul(model.matrices[model.shape], u_e[:, :, None])[:, :, 0] * v_e, axis=1)
+
+
+def _without_translation(u_e: Array) -> Array:
+    """Element displacements (e, d) less their mean: it does no work, yet its rounding would drown small strains."""
+    by_node = u_e.reshape(len(u_e), -1, 2)
+    return (by_node - by_node.mean(axis=1, keepdims=True)).reshape(u_e.shape)
 
 
 def _basis_at(model: FemModel, reference: Array) -> CellBasis:
