@@ -6,9 +6,9 @@ crossing** (all points moved by 0.26h in x), and **FEM**. Fields: uniform 0.4, a
 
 A perturbed density changes K by a matrix of low rank, so one factorisation serves the perturbations of all variables
 (Sherman-Morrison-Woodbury). The **exact derivative** is a complex step through the whole objective: it knows no
-adjoint, no step size and no cancellation. Every variable of every case is verified by it. Every variable is differenced,
-but for the p-norm with crossing: there it is 800 of the 6,400, drawn at random, which keeps the study within 20 s. FEM
-is not differenced, nor is it by the paper.
+adjoint, no step size and no cancellation. Every variable of every case is verified by it. Every variable is
+differenced, but for the p-norm with crossing: there it is 800 of the 6,400, drawn at random, which keeps the study
+within 20 s. FEM is not differenced, nor is it by the paper.
 """
 
 import time
