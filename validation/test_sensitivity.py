@@ -1,4 +1,4 @@
-"""Sensitivity verification (Appendix, Fig. 20)
+"""Sensitivities (Appendix, Fig. 20)
 
 Derivatives by the density of a point, with no filter in between: compliance of the cantilever (3,200 points) and p-norm
 stress of the L-bracket (6,400 points, p = 12, q = 0.5). Methods: **standard** MPM and **GIMP**, as seeded and **with
