@@ -60,7 +60,7 @@ def p_norm_stress_gradient(model: Model, state: Equilibrium, rho: Array, *, p: f
 
     w_p = dJ2/ds_p = (s_p / J2)^(p-1), in [0, 1]. At fixed state dJ2/drho_p = w_p q s_p / rho_p, which tends to zero at
     rho_p = 0 for q p > 1. dJ2/du = sum_p w_p rho_p^q E0 B_p^T D dvm/dsigma_p; dJ2/dE_p = -V_p eps_p(lambda) . D eps_p.
-    A point without stress has no direction in which its von Mises stress grows: it counts as zero.
+    Without stress vm has no derivative; zero, one of its subgradients, is taken.
     (Eqs. 17 to 20 of the paper, from L = J + lambda.(f_ext - f_int(u)).)
     """
     stress, vm = _solid_von_mises(model, state)

@@ -11,7 +11,8 @@ order in h, which is all that double precision holds of it at h = 1e-30, every s
     u' = u - ih dE_p/drho_p K^-1 F_p^T F_p u,    Im J' = dJ/du . Im u',
 
 and without subtraction there is neither truncation nor cancellation. The displacements of every variable are solved
-for; SIMP, von Mises stress and p-norm are evaluated at complex arguments: no derivative written by hand enters.
+for; SIMP, von Mises stress and p-norm are evaluated at complex arguments: only the linear steps, K and f, are
+differentiated by hand.
 """
 
 from collections.abc import Callable, Iterator

@@ -1,6 +1,6 @@
 """Errata
 
-What the paper misprints, checked by computing it. Each of these changes numbers if it is implemented as printed.
+What the paper misprints, checked by computing it. Most of these change numbers if they are implemented as printed.
 Nothing here concerns the paper's conclusions.
 """
 
@@ -61,7 +61,7 @@ def test_other_slips(report: Report) -> None:
     """Signs, operators and exponents
 
     Without numbers of their own; the derivation we use instead is in the docstrings of `mpmtop.objectives`, and the
-    gradients are checked numerically.
+    gradients are checked in the sensitivity study.
     """
     report.text(
         """

@@ -5,8 +5,9 @@ stress of the L-bracket (6,400 points, p = 12, q = 0.5). Methods: **standard** M
 crossing** (all points moved by 0.26h in x), and **FEM**. Fields: uniform 0.4, and random in [0.1, 1].
 
 A perturbed density changes K by a matrix of low rank, so one factorisation serves the perturbations of all variables
-(Sherman-Morrison-Woodbury). The **exact derivative** is a complex step through the whole objective: it knows no
-adjoint, no step size and no cancellation. Every variable of every case is verified by it. Every variable is
+(Sherman-Morrison-Woodbury). The **exact derivative** is the direct one, not the adjoint: the displacement's from the
+low-rank change of K, those of SIMP, von Mises stress and p-norm by complex step, without step size or cancellation;
+a fully complex analysis checks it for a sample. Every variable of every case is verified by it. Every variable is
 differenced, but for the p-norm with crossing: there it is 800 of the 6,400, drawn at random, which keeps the study
 within 20 s. FEM is not differenced, nor is it by the paper.
 """
@@ -242,7 +243,7 @@ def test_forward_difference(report: Report, verified: dict[Key, Verified]) -> No
         draw_histogram(ax, cases, stated)
         ax.set(title=f"{objective}: {100 * share:.1f} % under {stated.bound} % (paper {100 * stated.share:.2f} %)")
         claim = f"share of {objective} variables under {stated.bound} %, uniform 0.4, no crossing"
-        report.check(claim, round(share, 3), stated.share, rtol=0.01, source=stated.where)  # the field is not stated
+        report.check(claim, round(share, 3), at_least=stated.share, source=stated.where)
         if objective == "compliance":
             holds.append(report.check(claim, round(share, 3), at_least=0.99, source="our bound"))
     axes[0].legend(loc="upper left")
@@ -272,11 +273,12 @@ def test_truncation(report: Report, verified: dict[Key, Verified], uniform: dict
     **Compliance.** Expanded in eps, the quotient's error is (eps/rho) |1 - 3x|, where x, between 0 and 1, is the part
     of the stiffness against the point's strain that is its own: less than 2 eps/rho for every variable, however
     small its gradient. At rho = 0.4 eps/rho is 0.025 %, at 0.1 it is 0.1 %: hence the lower shares of the random field.
+    The shape function's gradient, which the paper's appendix blames, has no part in it.
 
     **p-norm.** The derivative passes through zero between points that relieve the peak stress and points that raise it.
-    The second derivative does not, so that the error, eps J''/2J', has no bound there. Where a variable above 0.3 % has
-    a larger gradient it touches the re-entrant corner: the p-norm is most curved there. At the random field gradients
-    are as small as 1e-9 of the largest, and those differ because J is rounded.
+    The second derivative need not vanish there, so that the error, eps J''/2J', has no bound. The few variables above
+    0.3 % with a larger gradient lie next to the re-entrant corner, where the p-norm is most curved. At the random field
+    the smallest gradients differ because J is rounded, the others by truncation.
     """
     draw_gradient_size(report, verified)
     errors = [
@@ -301,7 +303,7 @@ def test_truncation(report: Report, verified: dict[Key, Verified], uniform: dict
         source="gradient nearly zero",
     )
     report.check(
-        "p-norm: largest gradient among them over the largest of all, at the re-entrant corner",
+        "p-norm: largest gradient among them over the largest of all",
         round(float(v.relative[above].max()), 3),
         source="gradient nearly zero",
     )
@@ -408,7 +410,7 @@ def test_step_size(report: Report, subjects: dict[tuple[str, str], Subject], uni
                 source="Taylor",
             ),
             report.check(
-                f"{objective}: no step brings the forward difference within 1e-8 of the gradient",
+                f"{objective}: the median error of six variables stays above 1e-8 at every step",
                 bool(error.min() > AGREEMENT),
                 True,
                 source="truncation meets cancellation",

@@ -1,28 +1,44 @@
-"""CPU time of optimisation work, measured side by side in one process."""
+"""CPU time of work measured side by side in one process."""
 
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
 
 from mpmtop.gcmma import GCMMA, Problem, initial_state
 
+Work = Callable[[], object]
 
-def cpu_seconds(problems: Mapping[str, Problem[Any]], repeats: int = 8) -> dict[str, float]:
-    """Median CPU seconds that each problem takes for one solve, its gradient and one update's subproblem.
 
-    The problems take turns, so that what else the machine does meets all of them alike. The first turn is left out: it
-    builds what is built once.
+def cpu_seconds(work: Mapping[str, Work], repeats: int = 8) -> dict[str, float]:
+    """Median CPU seconds of one call of each piece of work.
+
+    They take turns, so that what else the machine does meets all of them alike. The first turn is left out: it builds
+    what is built once.
     """
-    rule = GCMMA(max_inner=1)  # one solve an update, whatever the objective
-    evaluations = {name: problem.evaluate(problem.x0) for name, problem in problems.items()}
-    states = {name: initial_state(problem, evaluations[name]) for name, problem in problems.items()}
-    spent: dict[str, list[float]] = {name: [] for name in problems}
+    spent: dict[str, list[float]] = {name: [] for name in work}
     for _ in range(repeats + 1):
-        for name, problem in problems.items():
+        for name, call in work.items():
             start = time.process_time()
-            gradient = problem.gradient(evaluations[name])
-            states[name], evaluations[name], _ = rule.step(problem, states[name], evaluations[name], *gradient)
+            call()
             spent[name].append(time.process_time() - start)
     return {name: float(np.median(times[1:])) for name, times in spent.items()}
+
+
+def iteration(problem: Problem[Any]) -> Work:
+    """One more iteration of an optimisation at every call: gradient, one subproblem of GCMMA, one solve."""
+    rule = GCMMA(max_inner=1)  # one solve an iteration, whatever the objective
+    evaluation = problem.evaluate(problem.x0)
+    state = initial_state(problem, evaluation)
+
+    def call() -> None:
+        nonlocal state, evaluation
+        state, evaluation, _ = rule.step(problem, state, evaluation, *problem.gradient(evaluation))
+
+    return call
+
+
+def evaluation_with_gradient(problem: Problem[Any]) -> Work:
+    """The start's evaluation and its gradient."""
+    return lambda: problem.gradient(problem.evaluate(problem.x0))
