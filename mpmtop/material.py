@@ -20,6 +20,13 @@ def von_mises(stress: Array, material: Material) -> Array:
     return np.sqrt(((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) / 2 + 3 * xy**2)
 
 
+def von_mises_form(material: Material) -> Array:
+    """Q (3, 3) with vm^2 = sigma . Q sigma for plane stresses, sigma_zz included: dvm/dsigma = Q sigma / vm."""
+    nu = material.poisson if material.plane == "strain" else 0.0
+    a, b = 1 - nu + nu**2, -(1 + 2 * nu - 2 * nu**2) / 2
+    return np.array([[a, b, 0], [b, a, 0], [0, 0, 3.0]])
+
+
 def simp(rho: Array, penal: float, contrast: float) -> tuple[Array, Array]:
     """SIMP, Eq. (10): E/E0 and its derivative, both (p,), for densities rho (p,) in [0, 1]; contrast is E_min / E0."""
     return contrast + rho**penal * (1 - contrast), penal * rho ** (penal - 1) * (1 - contrast)

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mpmtop.equilibrium import Equilibrium, Model
-from mpmtop.material import von_mises
+from mpmtop.material import von_mises, von_mises_form
 from mpmtop.scene import Array, Compliance, PNormStress, Scene
 
 
@@ -70,7 +70,7 @@ def p_norm_stress_gradient(model: Model, state: Equilibrium, rho: Array, *, p: f
         return np.zeros_like(rho), np.zeros_like(rho)
     w = (s / J) ** (p - 1)
     explicit = np.divide(w * q * s, rho, out=np.zeros_like(rho), where=rho > 0)
-    by_stress = stress @ _von_mises_form(model)  # vm dvm/dsigma
+    by_stress = stress @ von_mises_form(model.scene.material)  # vm dvm/dsigma
     direction = np.divide(by_stress, vm[:, None], out=np.zeros_like(by_stress), where=vm[:, None] > 0)
     E0 = model.scene.material.young
     by_strain = (w * rho**q * E0)[:, None] * (direction @ model.D)
@@ -89,13 +89,6 @@ def _solid_von_mises(model: Model, state: Equilibrium) -> tuple[Array, Array]:
     """Stress (p, 3) and von Mises stress (p,) of solid material under the strains of the state."""
     stress = model.scene.material.young * (state.strain @ model.D)
     return stress, von_mises(stress, model.scene.material)
-
-
-def _von_mises_form(model: Model) -> Array:
-    """Q (3, 3) with vm^2 = sigma . Q sigma for plane stresses, sigma_zz included."""
-    nu = model.scene.material.poisson if model.scene.material.plane == "strain" else 0.0
-    a, b = 1 - nu + nu**2, -(1 + 2 * nu - 2 * nu**2) / 2
-    return np.array([[a, b, 0], [b, a, 0], [0, 0, 3.0]])
 
 
 def _p_norm(s: Array, p: float) -> float:

@@ -54,7 +54,6 @@ def test_percentages(report: Report) -> None:
             rtol=0.01,
             source=stated.where,
         )
-        assert increase > 0
 
 
 def test_other_slips(report: Report) -> None:

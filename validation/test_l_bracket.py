@@ -44,7 +44,7 @@ RULES: dict[str, UpdateRule] = {
 SHOWN = (10, 30, 60, 120)
 RTOL_OPTIMUM = 0.03
 """Rounding of another processor is amplified over 250 iterations of an objective with p = 12 and many near-optima,
-whose values differ by a per cent: FEM ended at 1.204 and 1.218 by two orders of elimination of one matrix."""
+whose values differ by one to two per cent."""
 RTOL_ANALYSIS = 1e-8
 """One analysis of a given design, condition number 1e6."""
 

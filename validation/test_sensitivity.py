@@ -391,7 +391,7 @@ def test_step_size(report: Report, subjects: dict[tuple[str, str], Subject], uni
     What cancels is the rounding of two factorisations; the quotients above, of one, are spared most of it.
     """
     steps = 10.0 ** -np.arange(1, 13)
-    figure, ax = plt.subplots()
+    figure, ax = plt.subplots(figsize=(5.0, 4.4))
     holds = []
     for objective, marker in zip(SCENES, "os", strict=True):
         problem, rho = subjects[objective, SEEDED].problem, uniform[objective].rho
@@ -419,7 +419,7 @@ def test_step_size(report: Report, subjects: dict[tuple[str, str], Subject], uni
     ax.axhline(AGREEMENT, color="0.4", linewidth=1, linestyle="-", label="bound met by the exact derivative")
     ax.axvline(EPS, color="0.4", linewidth=1, linestyle=":", label="the paper's step")
     ax.set(xlabel="step in the density", ylabel="relative error (median)")
-    ax.legend()
+    figure.legend(loc="outside upper center")
     report.figure(
         "step_size",
         figure,

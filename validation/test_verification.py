@@ -94,7 +94,7 @@ def test_patch(report: Report) -> None:
             label=NAMES[function.__name__],
         )
     ax.axvline(0.25, color="0.4", linewidth=1, linestyle="-")
-    ax.annotate("cell boundary", (0.25, 0.02), rotation=90, ha="right", va="bottom", fontsize="small")
+    ax.annotate("cell boundary", (0.26, 0.98), rotation=90, ha="left", va="top", fontsize="small")
     ax.set(xlabel="shift of one column of points / h", ylabel="unbalanced force / (h sigma)")
     ax.legend()
     report.figure(
@@ -122,9 +122,9 @@ def test_outer_edge(report: Report) -> None:
         rows[NAMES[function.__name__]] = {f"{s:g} h": v / values[0] - 1 for s, v in zip(shifts, values, strict=True)}
     table = pd.DataFrame.from_dict(rows, orient="index").rename_axis("shift in y")
     report.table("outer_edge", table.round(6).reset_index(), "Relative change of the solid cantilever's compliance.", 3)
-    jump = report.check(
+    report.check(
         "change of compliance by a shift of 1e-9 h in y, GIMP", rows["GIMP"]["1e-09 h"], source="small-cut effect"
     )
     smooth = all(abs(rows[NAMES[f]]["1e-09 h"]) < 1e-6 for f in ("tent", "bspline2"))
     report.check("tent and B-spline change by less than 1e-6", smooth, True, source="continuity")
-    assert jump and smooth
+    assert smooth
