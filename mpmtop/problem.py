@@ -10,6 +10,7 @@ from mpmtop.design import DensityFilter, density_filter
 from mpmtop.equilibrium import Equilibrium, Model, equilibrium
 from mpmtop.material import simp
 from mpmtop.objectives import Objective, objective
+from mpmtop.points import MaterialPoints
 from mpmtop.scene import Array
 
 
@@ -30,14 +31,27 @@ class Evaluation:
 
 @dataclass(frozen=True, eq=False)
 class DesignProblem:
-    """Minimise the scene's objective subject to sum V_p rho_p <= V* sum V_p over one design variable for each point."""
+    """Minimise the scene's objective subject to sum V_p rho_p <= V* sum V_p over one design variable for each point.
+
+    The filter measures distances on the design grid: `design_grid`, or the model's points where they have not been
+    moved off it.
+    """
 
     model: Model
+    design_grid: MaterialPoints | None = None
+
+    def __post_init__(self) -> None:
+        if self.design_grid is not None and len(self.design_grid.x) != len(self.model.points.x):
+            raise ValueError(
+                f"design grid of {len(self.design_grid.x)} points for a model of {len(self.model.points.x)}: "
+                "give one for each, in the same order"
+            )
 
     @cached_property
     def filter(self) -> DensityFilter:
         """The density filter of the scene's radius."""
-        return density_filter(self.model.points, self.model.scene.filter_radius)
+        points = self.model.points if self.design_grid is None else self.design_grid
+        return density_filter(points, self.model.scene.filter_radius)
 
     @cached_property
     def objective(self) -> Objective:

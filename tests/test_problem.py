@@ -124,3 +124,14 @@ def test_plan_says_what_is_skipped() -> None:
     shifted = discretise(cantilever(), 1.0).points.moved((0.3, 0.0))
     text = plan(DesignProblem(discretise(cantilever(), 1.0, points=shifted, shape_function=gimp)))
     assert "64 of 128 points" in text  # one column of two crosses
+
+
+def test_points_moved_off_the_design_grid_keep_its_filter() -> None:
+    on_grid = DesignProblem(discretise(cantilever(), 1.0))
+    grid = on_grid.model.points
+    shift = np.random.default_rng(4).uniform(-0.2, 0.2, grid.x.shape)
+    moved = discretise(cantilever(), 1.0, points=grid.moved(shift))
+    assert abs(DesignProblem(moved).filter.matrix - on_grid.filter.matrix).max() > 0
+    assert abs(DesignProblem(moved, grid).filter.matrix - on_grid.filter.matrix).max() == 0
+    with pytest.raises(ValueError, match="one for each"):
+        DesignProblem(moved, two_levels())
