@@ -1,11 +1,15 @@
-"""Shape functions along one axis: tent (Eq. 6), GIMP (Eq. 7), quadratic B-spline. Values and gradients together.
+"""Shape functions along one axis: tent (Eq. 6), GIMP (Eq. 7), B-splines. Value and gradient together.
 
 A shape function is called with the positions xi (p,) of the points in units of cells (cell i is [i, i + 1)), the
 half-lengths l (p,) of their domains in the same unit, and `tol` [cells]: a point, or the edge of its domain, that is no
 further than this from a kink of the function lies on it. What lies beyond by less is noise of floating point, and the
-stiffness of a node touched by such noise alone would be noise, too. It returns a `Stencil`: the first of n consecutive
-nodes, and the values and gradients (per cell size) of these nodes' functions at each point. All of them form a
-partition of unity, sum N = 1 and sum grad N = 0, and reproduce linear fields on an unbounded grid.
+stiffness of a node touched by such noise alone would be noise, too. `ends` are the first and the last node of the cells
+that hold the body, for functions that treat its ends. It returns a `Stencil`: the first of n consecutive nodes, and the
+values and gradients (per cell size) of these nodes' functions at each point. All of them form a partition of unity,
+sum N = 1 and sum grad N = 0, and reproduce linear fields.
+
+CPDI is not among them: on domains that stay undeformed and along the axes its gradient is GIMP's in one dimension, the
+difference of the tent over the domain by its width, so that in a small-strain analysis it has nothing to add.
 """
 
 from typing import NamedTuple, Protocol
@@ -23,12 +27,16 @@ class Stencil(NamedTuple):
     grad_N: Array
 
 
+Ends = tuple[int, int]
+"""First and last node of the cells that hold the body, along one axis."""
+
+
 class ShapeFunction(Protocol):
     """See the module's docstring; `__name__` names it in reports."""
 
     __name__: str
 
-    def __call__(self, xi: Array, half_length: Array, tol: float) -> Stencil:
+    def __call__(self, xi: Array, half_length: Array, tol: float, ends: Ends | None) -> Stencil:
         """Values and gradients at xi (p,)."""
         ...
 
@@ -40,14 +48,14 @@ def _in_cell(xi: Array, tol: float) -> tuple[Array, Array]:
     return cell, np.where(s <= tol, 0.0, s)
 
 
-def tent(xi: Array, half_length: Array, tol: float = 0.0) -> Stencil:
+def tent(xi: Array, half_length: Array, tol: float = 0.0, ends: Ends | None = None) -> Stencil:
     """Standard piecewise linear function, Eq. (6); at a grid line the gradient is that of the cell on the right."""
     cell, s = _in_cell(xi, tol)
     one = np.ones_like(s)
     return Stencil(cell.astype(np.intp), np.stack([1 - s, s], axis=1), np.stack([-one, one], axis=1))
 
 
-def gimp(xi: Array, half_length: Array, tol: float = 0.0) -> Stencil:
+def gimp(xi: Array, half_length: Array, tol: float = 0.0, ends: Ends | None = None) -> Stencil:
     """Generalised interpolation, Eq. (7): the tent averaged over the point's domain [xi - l, xi + l], with l <= 1/2.
 
     A domain within one cell gives the tent's values exactly. Otherwise it holds one node, at distance d = xi - node,
@@ -77,14 +85,51 @@ def gimp(xi: Array, half_length: Array, tol: float = 0.0) -> Stencil:
     )
 
 
-def bspline2(xi: Array, half_length: Array, tol: float = 0.0) -> Stencil:
-    """Quadratic B-spline on the three nodes nearest to the point; the gradient is continuous everywhere.
+def bspline2(xi: Array, half_length: Array, tol: float = 0.0, ends: Ends | None = None) -> Stencil:
+    """Quadratic B-spline on the three nodes nearest to the point, closed at the body's `ends`; C1.
 
-    Its nodes reach beyond the body: with one point for each cell they are all but mechanisms, use at least two.
-    Source: Steffen, Kirby and Berzins (2008), Int. J. Numer. Meth. Engng 76:922 (unmodified at boundaries).
+    With one point for each cell its nodes are all but mechanisms, use at least two.
+    Source: Steffen, Kirby and Berzins (2008), Int. J. Numer. Meth. Engng 76:922.
     """
     node = np.floor(xi + 0.5)
     d = xi - node
     d = np.where(np.abs(d) >= 0.5 - tol, np.copysign(0.5, d), d)
     N = np.stack([(0.5 - d) ** 2 / 2, 0.75 - d**2, (0.5 + d) ** 2 / 2], axis=1)
-    return Stencil((node - 1).astype(np.intp), N, np.stack([d - 0.5, -2 * d, d + 0.5], axis=1))
+    return _closed(Stencil((node - 1).astype(np.intp), N, np.stack([d - 0.5, -2 * d, d + 0.5], axis=1)), ends)
+
+
+def bspline3(xi: Array, half_length: Array, tol: float = 0.0, ends: Ends | None = None) -> Stencil:
+    """Cubic B-spline on the nodes of the point's cell and of the next on either side, closed at the body's `ends`; C2.
+
+    Source: as `bspline2`.
+    """
+    cell, s = _in_cell(xi, tol)
+    r = 1 - s
+    N = np.stack([r**3, 3 * s**3 - 6 * s**2 + 4, 3 * r**3 - 6 * r**2 + 4, s**3], axis=1) / 6
+    grad_N = np.stack([-(r**2), 3 * s**2 - 4 * s, 4 * r - 3 * r**2, s**2], axis=1) / 2
+    return _closed(Stencil((cell - 1).astype(np.intp), N, grad_N), ends)
+
+
+def _closed(stencil: Stencil, ends: Ends | None) -> Stencil:
+    """B-splines that end with the body: a node beyond an end follows the two inside it, u_-1 = 2 u_0 - u_1.
+
+    The end node alone then carries the value at the end, as with the tent: a clamp there holds exactly, and the nodes
+    that only a corner of the body would reach are gone. Linear fields stay exact. The cubic's end function becomes
+    s^3 / 6 - s + 1, that of Steffen, Kirby and Berzins (2008).
+    """
+    if ends is None:
+        return stencil
+    first, N, grad_N = stencil.first, stencil.N.copy(), stencil.grad_N.copy()
+    n = N.shape[1]
+    for beyond, ghost, end, next_to_end in (
+        (first < ends[0], 0, 1, 2),
+        (first + n - 1 > ends[1], n - 1, n - 2, n - 3),
+    ):
+        for w in (N, grad_N):
+            w[beyond, end] += 2 * w[beyond, ghost]
+            w[beyond, next_to_end] -= w[beyond, ghost]
+            w[beyond, ghost] = 0
+    return Stencil(first, N, grad_N)
+
+
+SHAPE_FUNCTIONS: tuple[ShapeFunction, ...] = (tent, gimp, bspline2, bspline3)

@@ -44,13 +44,18 @@ class Transfer:
 
 
 def weights(grid: Grid, points: MaterialPoints, shape_function: ShapeFunction) -> tuple[Index, Mask, Array, Array]:
-    """Grid nodes (p, n), whether touched (p, n), N (p, n) and grad_N (p, n, 2) [1/length] of every point's stencil."""
+    """Grid nodes (p, n), whether touched (p, n), N (p, n) and grad_N (p, n, 2) [1/length] of every point's stencil.
+
+    The body's ends along an axis are those of the outermost cells that hold a point.
+    """
     xi = grid.cell_coordinates(points.x)
     length = points.half_length / grid.h
     # what forming xi from x and the origin can lose, and never less than a test by hand would call equal
     largest = max(float(np.abs(points.x).max()), *map(abs, grid.origin))
     tol = max(1e-12, 8 * np.finfo(float).eps * largest / min(grid.h))
-    sx, sy = (shape_function(xi[:, a], length[:, a], tol) for a in (0, 1))
+    cell = np.floor(xi + tol).astype(int)
+    ends = np.stack([cell.min(axis=0), cell.max(axis=0) + 1], axis=1)
+    sx, sy = (shape_function(xi[:, a], length[:, a], tol, tuple(ends[a])) for a in (0, 1))
     hx, hy = grid.h
     n = sx.N.shape[1]
 

@@ -20,10 +20,10 @@ from mpmtop.scene import (
     Scene,
     Support,
 )
-from mpmtop.shape_functions import ShapeFunction, bspline2, gimp, tent
+from mpmtop.shape_functions import SHAPE_FUNCTIONS, ShapeFunction, tent
 from tests.scenes import LEFT_CLAMP, cantilever
 
-ALL = pytest.mark.parametrize("shape_function", [tent, gimp, bspline2], ids=lambda f: f.__name__)
+ALL = pytest.mark.parametrize("shape_function", SHAPE_FUNCTIONS, ids=lambda f: f.__name__)
 
 
 def problem(objective: PNormStress, shape_function: ShapeFunction = tent, shift: float = 0.0) -> DesignProblem:

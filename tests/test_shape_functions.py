@@ -9,10 +9,10 @@ from mpmtop.grid import Grid
 from mpmtop.material import tangent, von_mises
 from mpmtop.points import MaterialPoints, seed
 from mpmtop.scene import Array, Material, PointOutsideGrid, Rectangle
-from mpmtop.shape_functions import ShapeFunction, bspline2, gimp, tent
+from mpmtop.shape_functions import SHAPE_FUNCTIONS, ShapeFunction, bspline2, bspline3, gimp, tent
 from mpmtop.transfer import transfer
 
-ALL = pytest.mark.parametrize("shape_function", [tent, gimp, bspline2], ids=lambda f: f.__name__)
+ALL = pytest.mark.parametrize("shape_function", SHAPE_FUNCTIONS, ids=lambda f: f.__name__)
 TOL = 1e-12  # sums of at most nine terms of order one, at coordinates of order ten: a few hundred roundings at the most
 
 GRID_LINES = [0.25, 0.5, 0.75, 1.0, 1.25, 2.0]
@@ -65,7 +65,7 @@ def test_rigid_motion_has_no_stress(shape_function: ShapeFunction) -> None:
 @example(xi=0.75 - 1e-12, half=0.25)
 @example(xi=0.5, half=0.5)
 def test_gradient_is_the_derivative(shape_function: ShapeFunction, xi: float, half: float) -> None:
-    """N(b) - N(a) equals the integral of grad_N, by the trapezoidal rule on pieces on which it is linear."""
+    """N(b) - N(a) equals the integral of grad_N, by Simpson's rule on pieces on which it is a parabola at most."""
     kinks = np.unique([xi, *(k + o for k in range(int(xi) - 2, int(xi) + 3) for o in (0.0, 0.5, half, -half))])
     a, b = xi, xi + 0.3
     knots = np.unique([a, b, *kinks[(kinks > a) & (kinks < b)]])
@@ -81,7 +81,8 @@ def test_gradient_is_the_derivative(shape_function: ShapeFunction, xi: float, ha
         np.put_along_axis(G, columns, stencil.grad_N, axis=1)
         return N, G
 
-    integral = np.sum((right - left)[:, None] * (nodal(left + eps)[1] + nodal(right - eps)[1]) / 2, axis=0)
+    ends, middle = nodal(left + eps)[1] + nodal(right - eps)[1], nodal((left + right) / 2)[1]
+    integral = np.sum((right - left)[:, None] * (ends + 4 * middle) / 6, axis=0)
     N = nodal(np.array([a, b]))[0]
     # the gradient moves by at most 1/(2 half) * 1e-9 between a kink and the place beside it where it is taken
     np.testing.assert_allclose(N[1] - N[0], integral, rtol=0, atol=1e-9 / half + 1e-12)
@@ -129,8 +130,31 @@ def test_point_outside_grid_is_named() -> None:
     points = seed(Rectangle((0, 0), (2, 2)), (0.5, 0.5))
     with pytest.raises(PointOutsideGrid, match="enlarge the grid"):
         transfer(Grid((0, 0), (1, 1), (2, 1)), points, tent)
-    with pytest.raises(PointOutsideGrid):  # the B-spline reaches one cell further
-        transfer(Grid((0, 0), (1, 1), (2, 2)), points, bspline2)
+    with pytest.raises(PointOutsideGrid):  # GIMP's domain reaches one cell further than its point
+        transfer(Grid((0, 0), (1, 1), (2, 2)), points.moved((0.1, 0.0)), gimp)
+
+
+@pytest.mark.parametrize("bspline", [bspline2, bspline3], ids=lambda f: f.__name__)
+def test_bsplines_end_with_the_body(bspline: ShapeFunction) -> None:
+    """At its ends the end node alone carries the value, nothing lies beyond, and linear fields are exact up to there:
+    a support on the body's edge holds exactly what the tent's holds."""
+    xi = np.concatenate([[0.0], np.random.default_rng(5).uniform(0, 3, 100), [3 - 1e-11, 0.5, 2.5, 1.0]])
+    stencil = bspline(xi, np.full_like(xi, 0.25), 1e-12, (0, 3))
+    N, grad_N = np.zeros((2, len(xi), 6))
+    columns = stencil.first[:, None] + np.arange(stencil.N.shape[1]) + 1  # nodes -1 to 4
+    np.put_along_axis(N, columns, stencil.N, axis=1)
+    np.put_along_axis(grad_N, columns, stencil.grad_N, axis=1)
+    np.testing.assert_array_equal(N[:, [0, 5]], 0)
+    np.testing.assert_array_equal(grad_N[:, [0, 5]], 0)
+    np.testing.assert_allclose(N[0, 1:5], [1, 0, 0, 0], atol=1e-15)
+    np.testing.assert_allclose(N[101, 1:5], [0, 0, 0, 1], atol=1e-10)  # 1e-11 from the end
+    np.testing.assert_allclose(N @ np.arange(-1, 5), xi, atol=TOL)
+    np.testing.assert_allclose(grad_N @ np.arange(-1, 5), 1, atol=TOL)
+
+
+def test_cubic_end_function_of_steffen() -> None:
+    s = np.linspace(0, 0.99, 12)
+    np.testing.assert_allclose(bspline3(s, s, 0.0, (0, 8)).N[:, 1], s**3 / 6 - s + 1, atol=1e-15)
 
 
 def test_tangent_and_von_mises() -> None:
