@@ -130,6 +130,3 @@ def _closed(stencil: Stencil, ends: Ends | None) -> Stencil:
             w[beyond, next_to_end] -= w[beyond, ghost]
             w[beyond, ghost] = 0
     return Stencil(first, N, grad_N)
-
-
-SHAPE_FUNCTIONS: tuple[ShapeFunction, ...] = (tent, gimp, bspline2, bspline3)

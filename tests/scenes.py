@@ -1,8 +1,11 @@
-"""Scenes that several tests share."""
+"""Scenes that several tests share, and all shape functions."""
 
 import numpy as np
 
 from mpmtop.scene import Material, PointLoad, Rectangle, RegionLoad, Scene, Support
+from mpmtop.shape_functions import ShapeFunction, bspline2, bspline3, gimp, tent
+
+SHAPE_FUNCTIONS: tuple[ShapeFunction, ...] = (tent, gimp, bspline2, bspline3)
 
 LEFT_CLAMP = Support(Rectangle((-np.inf, -np.inf), (0.0, np.inf)))
 

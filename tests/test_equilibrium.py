@@ -21,8 +21,8 @@ from mpmtop.scene import (
     Support,
     UnsupportedBody,
 )
-from mpmtop.shape_functions import SHAPE_FUNCTIONS, ShapeFunction, gimp, tent
-from tests.scenes import LEFT_CLAMP, cantilever
+from mpmtop.shape_functions import ShapeFunction, gimp, tent
+from tests.scenes import LEFT_CLAMP, SHAPE_FUNCTIONS, cantilever
 
 DATA = Path(__file__).parent / "data"
 ALL = pytest.mark.parametrize("shape_function", SHAPE_FUNCTIONS, ids=lambda f: f.__name__)

@@ -20,8 +20,8 @@ from mpmtop.scene import (
     Scene,
     Support,
 )
-from mpmtop.shape_functions import SHAPE_FUNCTIONS, ShapeFunction, tent
-from tests.scenes import LEFT_CLAMP, cantilever
+from mpmtop.shape_functions import ShapeFunction, tent
+from tests.scenes import LEFT_CLAMP, SHAPE_FUNCTIONS, cantilever
 
 ALL = pytest.mark.parametrize("shape_function", SHAPE_FUNCTIONS, ids=lambda f: f.__name__)
 

@@ -9,8 +9,8 @@ from mpmtop.material import simp
 from mpmtop.points import MaterialPoints
 from mpmtop.problem import DesignProblem, plan
 from mpmtop.scene import PNormStress, PointLoad
-from mpmtop.shape_functions import SHAPE_FUNCTIONS, ShapeFunction, gimp, tent
-from tests.scenes import cantilever
+from mpmtop.shape_functions import ShapeFunction, gimp, tent
+from tests.scenes import SHAPE_FUNCTIONS, cantilever
 
 
 def two_levels() -> MaterialPoints:

@@ -9,8 +9,9 @@ from mpmtop.grid import Grid
 from mpmtop.material import tangent, von_mises
 from mpmtop.points import MaterialPoints, seed
 from mpmtop.scene import Array, Material, PointOutsideGrid, Rectangle
-from mpmtop.shape_functions import SHAPE_FUNCTIONS, ShapeFunction, bspline2, bspline3, gimp, tent
+from mpmtop.shape_functions import ShapeFunction, bspline2, bspline3, gimp, tent
 from mpmtop.transfer import transfer
+from tests.scenes import SHAPE_FUNCTIONS
 
 ALL = pytest.mark.parametrize("shape_function", SHAPE_FUNCTIONS, ids=lambda f: f.__name__)
 TOL = 1e-12  # sums of at most nine terms of order one, at coordinates of order ten: a few hundred roundings at the most

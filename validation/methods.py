@@ -13,9 +13,17 @@ from mpmtop.gcmma import GCMMA, Problem, UpdateRule
 from mpmtop.material import von_mises
 from mpmtop.optimize import Iterate, optimize
 from mpmtop.scene import Array, Index, Scene
-from mpmtop.shape_functions import ShapeFunction, gimp, tent
+from mpmtop.shape_functions import ShapeFunction, bspline2, bspline3, gimp, tent
 from reference_fem import elasticity, simp
 from validation.scenes import SPACING, H
+
+SHAPE_FUNCTIONS: dict[str, ShapeFunction] = {
+    "standard": tent,
+    "GIMP": gimp,
+    "quadratic B-spline": bspline2,
+    "cubic B-spline": bspline3,
+}
+"""Shape functions by their names in reports."""
 
 MOVE = 0.3
 """The paper's move limit."""
