@@ -1,13 +1,47 @@
 """Design: from the optimiser's variables to physical densities, and back for the gradient."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
 from scipy.spatial import KDTree
 
 from mpmtop.points import MaterialPoints
-from mpmtop.scene import Array
+from mpmtop.scene import Array, EmptyDomain, Index, InvalidScene, Mask, Scene
+
+
+@dataclass(frozen=True, eq=False)
+class DesignSpace:
+    """Which of the points are passive, (p,) each: `solid` with density 1, `void` with density 0. The rest is active."""
+
+    solid: Mask
+    void: Mask
+
+    @cached_property
+    def active(self) -> Index:
+        """The points that are design variables, (a,)."""
+        return np.flatnonzero(~(self.solid | self.void))
+
+    @cached_property
+    def all_active(self) -> bool:
+        """Whether no point is passive."""
+        return len(self.active) == len(self.solid)
+
+
+def design_space(scene: Scene, points: MaterialPoints) -> DesignSpace:
+    """The points in the scene's passive regions; InvalidScene where both claim one, EmptyDomain if no other is left."""
+    nowhere = np.zeros(len(points.x), dtype=bool)
+    regions = (scene.passive_solid, scene.passive_void)
+    solid, void = (nowhere if region is None else region.contains(points.x) for region in regions)
+    if np.any(solid & void):
+        raise InvalidScene(
+            f"{np.count_nonzero(solid & void)} points lie in both passive_solid and passive_void, the first at "
+            f"{points.x[solid & void][0]}: take one region out of the other (`Difference`)"
+        )
+    if np.all(solid | void):
+        raise EmptyDomain("every point is passive: shrink passive_solid or passive_void, or there is nothing to design")
+    return DesignSpace(solid, void)
 
 
 @dataclass(frozen=True, eq=False)
@@ -16,16 +50,21 @@ class DensityFilter:
 
     Source: Bruns and Tortorelli (2001), Comput. Methods Appl. Mech. Engrg 190:3443. Points are
     weighted by volume, so that refining a part of the design grid does not shift the average.
+
+    Densities of passive points, and what they add to those of their neighbours, are the `offset` (p,); the matrix
+    (p, a) then has no entry in their rows. None stands for zero.
     """
 
-    matrix: sp.csr_array  # rows sum to one
+    matrix: sp.csr_array  # rows sum to one, but for what the offset holds
+    offset: Array | None = None
 
     def __call__(self, design: Array) -> Array:
-        """Physical densities (p,) of design variables (p,)."""
-        return self.matrix @ design
+        """Physical densities (p,) of design variables (a,)."""
+        filtered = self.matrix @ design
+        return filtered if self.offset is None else filtered + self.offset
 
     def adjoint(self, gradient: Array) -> Array:
-        """dJ/ddesign (p,) of dJ/drho (p,)."""
+        """dJ/ddesign (a,) of dJ/drho (p,)."""
         return self.matrix.T @ gradient
 
 
@@ -37,3 +76,19 @@ def density_filter(points: MaterialPoints, radius: float) -> DensityFilter:
     weight = points.volume[q] * (radius - np.linalg.norm(points.x[p] - points.x[q], axis=1))
     matrix = sp.csr_array((weight, (p, q)), shape=(tree.n, tree.n))
     return DensityFilter(sp.csr_array(sp.diags_array(1 / matrix.sum(axis=1)) @ matrix))
+
+
+def passive_filter(points: MaterialPoints, radius: float, space: DesignSpace, *, over_passive: bool) -> DensityFilter:
+    """Filter from the active points (a,) to the densities of all (p,), those of passive points being fixed.
+
+    The average is taken over active neighbours only, as if the passive ones were absent; `over_passive` takes it over
+    all of them, passive densities included: rho_a = W_aa design + W_as 1.
+    """
+    active, solid = space.active, space.solid.astype(float)
+    p, a = len(solid), len(active)
+    into = sp.csr_array((np.ones(a), (active, np.arange(a))), shape=(p, a))
+    if over_passive:
+        rows = density_filter(points, radius).matrix[active]
+        return DensityFilter(sp.csr_array(into @ rows[:, active]), into @ (rows @ solid) + solid)
+    among = MaterialPoints(points.x[active], points.volume[active], points.half_length[active])
+    return DensityFilter(sp.csr_array(into @ density_filter(among, radius).matrix), solid)

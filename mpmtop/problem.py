@@ -6,12 +6,12 @@ from functools import cached_property
 
 import numpy as np
 
-from mpmtop.design import DensityFilter, density_filter
+from mpmtop.design import DensityFilter, DesignSpace, density_filter, design_space, passive_filter
 from mpmtop.equilibrium import Equilibrium, Model, equilibrium
 from mpmtop.material import simp
 from mpmtop.objectives import Objective, objective
 from mpmtop.points import MaterialPoints
-from mpmtop.scene import Array
+from mpmtop.scene import Array, InvalidScene, LoadOutsideBody, PointLoad
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,11 +34,16 @@ class DesignProblem:
     """Minimise the scene's objective subject to sum V_p rho_p <= V* sum V_p over one design variable for each point.
 
     The filter measures distances on the design grid: `design_grid`, or the model's points where they have not been
-    moved off it.
+    moved off it. There, too, points are in the scene's passive regions or not. Those that are have density 1 or 0 and
+    leave the design vector: a variables are left for p points. Passive solid counts in the first sum; the second one is
+    over all points that are not passive void. The filter passes over passive points as if they were absent, or with
+    `filter_passive` averages their densities with the others. Raises InvalidScene, EmptyDomain or LoadOutsideBody where
+    passive regions leave no design, no feasible one, or a load without material.
     """
 
     model: Model
     design_grid: MaterialPoints | None = None
+    filter_passive: bool = False
 
     def __post_init__(self) -> None:
         if self.design_grid is not None and len(self.design_grid.x) != len(self.model.points.x):
@@ -46,12 +51,40 @@ class DesignProblem:
                 f"design grid of {len(self.design_grid.x)} points for a model of {len(self.model.points.x)}: "
                 "give one for each, in the same order"
             )
+        if not self.space.all_active:
+            self._check_passive()
+
+    def _check_passive(self) -> None:
+        scene, void = self.model.scene, np.flatnonzero(self.space.void)
+        least = self._volume_weight @ self.filter(self.lower)
+        if least > 1 + 1e-12:  # its rounding
+            raise InvalidScene(
+                f"passive solid, with rho_min elsewhere, is {least * scene.volume_fraction:.4f} of the volume and "
+                f"volume_fraction {scene.volume_fraction}: raise it, or shrink passive_solid"
+            )
+        for load in scene.loads:
+            if isinstance(load, PointLoad) and load.points == 0:
+                continue  # no point carries it, and the scene has looked at its position
+            carriers, _ = load.shares(self.model.points.x, 1e-9 * min(self.model.grid.h))
+            if np.any(np.isin(carriers, void)):
+                raise LoadOutsideBody(f"passive void would carry a part of {load}: move it, or lower its `points`")
+
+    @cached_property
+    def _grid_points(self) -> MaterialPoints:
+        return self.model.points if self.design_grid is None else self.design_grid
+
+    @cached_property
+    def space(self) -> DesignSpace:
+        """Which points are passive, and which are design variables."""
+        return design_space(self.model.scene, self._grid_points)
 
     @cached_property
     def filter(self) -> DensityFilter:
-        """The density filter of the scene's radius."""
-        points = self.model.points if self.design_grid is None else self.design_grid
-        return density_filter(points, self.model.scene.filter_radius)
+        """The density filter of the scene's radius, from a variables to p densities."""
+        radius = self.model.scene.filter_radius
+        if self.space.all_active:
+            return density_filter(self._grid_points, radius)
+        return passive_filter(self._grid_points, radius, self.space, over_passive=self.filter_passive)
 
     @cached_property
     def objective(self) -> Objective:
@@ -60,23 +93,27 @@ class DesignProblem:
 
     @cached_property
     def x0(self) -> Array:
-        """The paper's start: the volume fraction everywhere."""
-        return np.full(len(self.model.points.volume), self.model.scene.volume_fraction)
+        """The paper's start: the volume fraction everywhere, (a,). Beside passive points, what meets the constraint."""
+        scene, a = self.model.scene, len(self.space.active)
+        if self.space.all_active:
+            return np.full(a, scene.volume_fraction)
+        passive, full = (self._volume_weight @ self.filter(x) for x in (np.zeros(a), np.ones(a)))
+        return np.full(a, np.clip((1 - passive) / (full - passive), scene.rho_min, 1))
 
     @cached_property
     def lower(self) -> Array:
-        """rho_min everywhere."""
-        return np.full_like(self.x0, self.model.scene.rho_min)
+        """rho_min everywhere, (a,)."""
+        return np.full(len(self.space.active), self.model.scene.rho_min)
 
     @cached_property
     def upper(self) -> Array:
-        """One everywhere."""
-        return np.ones_like(self.x0)
+        """One everywhere, (a,)."""
+        return np.ones_like(self.lower)
 
     @cached_property
     def _volume_weight(self) -> Array:
         volume = self.model.points.volume
-        return volume / (self.model.scene.volume_fraction * volume.sum())
+        return volume / (self.model.scene.volume_fraction * volume[~self.space.void].sum())
 
     @property
     def fingerprint(self) -> str:
@@ -85,16 +122,19 @@ class DesignProblem:
         law = (scene.material.young, scene.penal, scene.contrast, scene.volume_fraction, scene.rho_min)
         digest = hashlib.sha256(repr((scene.objective, *map(float, law))).encode())
         operators = (model.stiffness.data_map, self.filter.matrix, model.transfer.B)
-        arrays = (model.points.volume, model.D, model.f_ext, model.stiffness.dof)
+        # passive points are empty rows of the filter, void where its offset is zero
+        passive = () if self.filter.offset is None else (self.filter.offset,)
+        arrays = (model.points.volume, model.D, model.f_ext, model.stiffness.dof, *passive)
         for array in (*arrays, *(part for m in operators for part in (m.data, m.indices, m.indptr))):
             digest.update(array.tobytes())
         return digest.hexdigest()
 
     def analyse(self, rho: Array) -> Evaluation:
-        """Evaluate physical densities rho (p,) in [0, 1], of whatever origin: one solve."""
+        """Evaluate physical densities rho (p,) in [0, 1], of whatever origin, at passive points, too: one solve."""
         scene = self.model.scene
-        if np.shape(rho) != self.x0.shape:
-            raise ValueError(f"densities of shape {np.shape(rho)} for {len(self.x0)} points: give one for each point")
+        p = len(self.model.points.volume)
+        if np.shape(rho) != (p,):
+            raise ValueError(f"densities of shape {np.shape(rho)} for {p} points: give one for each point")
         if not np.all((rho >= -1e-9) & (rho <= 1 + 1e-9)):  # a filter's rounding passes; NaN does not
             raise ValueError("densities outside 0 to 1: give physical densities")
         rho = np.clip(rho, 0, 1)
@@ -105,11 +145,11 @@ class DesignProblem:
         return Evaluation(self.objective.value(self.model, state, rho), constraints, rho, state)
 
     def evaluate(self, design: Array) -> Evaluation:
-        """Value only: one solve."""
+        """Value only, of a design (a,): one solve."""
         return self.analyse(self.filter(design))
 
     def gradient(self, evaluation: Evaluation) -> tuple[Array, Array]:
-        """dJ/ddesign (p,) and dg/ddesign (1, p) of an evaluation, with its factorisation."""
+        """dJ/ddesign (a,) and dg/ddesign (1, a) of an evaluation, with its factorisation."""
         d_rho = self.density_gradient(evaluation)
         return self.filter.adjoint(d_rho), self.filter.adjoint(self._volume_weight)[None]
 
@@ -127,7 +167,10 @@ def plan(problem: DesignProblem) -> str:
     held = 2 * active - len(model.stiffness.dof)
     touched = np.count_nonzero(model.transfer.touched, axis=1)
     p = len(touched)
+    space = problem.space
+    passive = f"{np.count_nonzero(space.solid)} are passive solid, {np.count_nonzero(space.void)} passive void"
     lines = [
+        f"design variables: {len(space.active)} of {p} points; {'none is passive' if space.all_active else passive}",
         f"nodes: {active} of {total} get degrees of freedom; no point touches the others",
         f"unknowns: {len(model.stiffness.dof)}; {held} degrees of freedom are held and never assembled",
         f"stencil ({model.shape_function.__name__}): {np.mean(touched):.2f} nodes for a point on average; "

@@ -5,18 +5,18 @@ Lengths, forces and moduli are in any consistent units, so compliance comes in f
 """
 
 from dataclasses import dataclass, field
-from typing import Literal, Protocol
+from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
-Index = npt.NDArray[np.intp]
-Mask = npt.NDArray[np.bool_]
-
-
-class InvalidScene(ValueError):
-    """A number of the scene is outside its admissible range; the message says which and what to change."""
+from mpmtop.region import Array as Array
+from mpmtop.region import Difference as Difference
+from mpmtop.region import Index as Index
+from mpmtop.region import InvalidScene as InvalidScene
+from mpmtop.region import Mask as Mask
+from mpmtop.region import Rectangle as Rectangle
+from mpmtop.region import Region as Region
+from mpmtop.region import finite_pair
 
 
 class EmptyDomain(InvalidScene):
@@ -37,66 +37,6 @@ class PointOutsideGrid(ValueError):
 
 class NotConverged(RuntimeError):
     """An iteration ended before it met its tolerance."""
-
-
-def _check_vector(what: str, value: tuple[float, float]) -> None:
-    if np.shape(value) != (2,) or not np.all(np.isfinite(value)):
-        raise InvalidScene(f"{what} {value}: give two finite numbers")
-
-
-class Region(Protocol):
-    """A part of the plane: `bounds` is its bounding box, `contains` tells which positions lie in it."""
-
-    @property
-    def bounds(self) -> tuple[Array, Array]:
-        """Lower and upper corner, each (2,)."""
-        ...
-
-    def contains(self, x: Array, tol: float = 0.0) -> Mask:
-        """Which of the positions x (n, 2) lie in the region grown by `tol`: (n,)."""
-        ...
-
-
-@dataclass(frozen=True)
-class Rectangle:
-    """Axis-aligned closed rectangle; a side may be infinite, which makes it a half-plane or a strip."""
-
-    lower: tuple[float, float]
-    upper: tuple[float, float]
-
-    def __post_init__(self) -> None:
-        if np.shape(self.lower) != (2,) or np.shape(self.upper) != (2,):
-            raise InvalidScene(f"rectangle {self.lower} to {self.upper}: give two coordinates for each corner")
-        sides = np.subtract(self.upper, self.lower)
-        if not np.all(sides >= 0):  # also catches NaN
-            raise InvalidScene(f"rectangle {self.lower} to {self.upper}: make every upper bound at least its lower one")
-
-    @property
-    def bounds(self) -> tuple[Array, Array]:
-        """Lower and upper corner, each (2,)."""
-        return np.array(self.lower, float), np.array(self.upper, float)
-
-    def contains(self, x: Array, tol: float = 0.0) -> Mask:
-        """Which of the positions x (n, 2) lie in the rectangle grown by `tol`: (n,)."""
-        lower, upper = self.bounds
-        return np.all((x >= lower - tol) & (x <= upper + tol), axis=1)
-
-
-@dataclass(frozen=True)
-class Difference:
-    """What lies in `whole` and not in `hole`."""
-
-    whole: Region
-    hole: Region
-
-    @property
-    def bounds(self) -> tuple[Array, Array]:
-        """Lower and upper corner of `whole`, each (2,)."""
-        return self.whole.bounds
-
-    def contains(self, x: Array, tol: float = 0.0) -> Mask:
-        """Which of the positions x (n, 2) lie in the difference grown by `tol`: (n,)."""
-        return self.whole.contains(x, tol) & ~self.hole.contains(x, -tol)
 
 
 @dataclass(frozen=True)
@@ -141,8 +81,8 @@ class PointLoad:
     points: int = 6
 
     def __post_init__(self) -> None:
-        _check_vector("position of a load", self.position)
-        _check_vector("force", self.force)
+        finite_pair("position of a load", self.position)
+        finite_pair("force", self.force)
         if self.points < 0:
             raise InvalidScene(f"point load shared by {self.points} points: give 0 or more")
 
@@ -178,7 +118,7 @@ class RegionLoad:
     force: tuple[float, float]
 
     def __post_init__(self) -> None:
-        _check_vector("force", self.force)
+        finite_pair("force", self.force)
 
     def shares(self, x: Array, tol: float) -> tuple[Index, Array]:
         """Indices (n,) of the points at x (p, 2) in the region, and the share of each (n,), of sum one."""
@@ -222,6 +162,9 @@ class Scene:
 
     The stiffness law is Eq. (10), E = E0 (contrast + rho^penal (1 - contrast)) with contrast = E_min / E0; densities
     are those of the design after a density filter of radius `filter_radius` [length]; rho_min <= design <= 1.
+
+    Passive parts of the domain are no design: `passive_solid` has density 1 throughout and `passive_void` density 0.
+    What is solid counts as volume; the fraction is of all of the domain that is not passive void.
     """
 
     name: str
@@ -235,6 +178,8 @@ class Scene:
     contrast: float = 1e-9
     rho_min: float = 1e-3
     objective: Compliance | PNormStress = field(default_factory=Compliance)
+    passive_solid: Region | None = None
+    passive_void: Region | None = None
 
     def __post_init__(self) -> None:
         lower, upper = self.domain.bounds
@@ -251,10 +196,25 @@ class Scene:
             raise UnsupportedBody(f"{self.name!r} has no support: add one")
         if not self.loads:
             raise InvalidScene(f"{self.name!r} has no load: add one")
+        for name, region in (("passive_solid", self.passive_solid), ("passive_void", self.passive_void)):
+            if region is not None and not hasattr(region, "contains"):
+                raise InvalidScene(f"{name} {region!r}: give a region, or None")
+        self._check_point_loads()
+        self._check_numbers()
+
+    def _check_point_loads(self) -> None:
+        lower, upper = self.domain.bounds
         tol = 1e-9 * float(np.max(upper - lower))
         for load in self.loads:
-            if isinstance(load, PointLoad) and not self.domain.contains(np.array([load.position]), tol)[0]:
+            if not isinstance(load, PointLoad):
+                continue
+            position = np.array([load.position])
+            if not self.domain.contains(position, tol)[0]:
                 raise LoadOutsideBody(f"load at {load.position} is outside the domain: move it into {lower} to {upper}")
+            if self.passive_void is not None and self.passive_void.contains(position, -tol)[0]:
+                raise LoadOutsideBody(f"load at {load.position} is in the passive void: move it onto material")
+
+    def _check_numbers(self) -> None:
         if not 0 < self.volume_fraction <= 1:
             raise InvalidScene(f"volume fraction {self.volume_fraction}: give a number above 0 and at most 1")
         if not 0 < self.filter_radius < np.inf:

@@ -8,8 +8,8 @@ import pytest
 
 ROOT = Path(__file__).parent.parent
 ORDER = [
-    *("scene", "grid", "points", "shape_functions", "transfer", "material", "stiffness", "linear_solver"),
-    *("equilibrium", "objectives", "design", "problem", "subproblem", "gcmma", "optimize", "export"),
+    *("region", "scene", "grid", "points", "quadtree", "shape_functions", "transfer", "material", "stiffness"),
+    *("linear_solver", "equilibrium", "objectives", "design", "problem", "subproblem", "gcmma", "optimize", "export"),
 ]
 LIBRARIES = {"mpmtop": {"numpy", "scipy", "pypardiso"}, "reference_fem": {"numpy", "scipy", "skfem", "mpmtop"}}
 STANDARD = sys.stdlib_module_names

@@ -47,6 +47,8 @@ NAN = float("nan")
         ({"supports": LEFT_CLAMP}, InvalidScene, "with a comma"),
         ({"objective": "compliance"}, InvalidScene, r"give Compliance\(\)"),
         ({"objective": PNormStress(12, 3.0)}, InvalidScene, "below the penalty"),
+        ({"passive_void": Rectangle((7, 1), (9, 3))}, LoadOutsideBody, "in the passive void"),
+        ({"passive_solid": (Rectangle((0, 0), (1, 1)),)}, InvalidScene, "give a region, or None"),
     ],
     ids=str,
 )

@@ -1,0 +1,257 @@
+"""Regions: parts of the plane that say where a domain, a support, a load or passive material is.
+
+A region tells which positions lie in it and in what box it lies, and nothing else, so that a curved one needs no other
+grid than a rectangle does. All are closed, but a `Difference` does not hold the boundary of its hole.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+Index = npt.NDArray[np.intp]
+Mask = npt.NDArray[np.bool_]
+
+
+class InvalidScene(ValueError):
+    """A number of the scene is outside its admissible range; the message says which and what to change."""
+
+
+def finite_pair(what: str, value: tuple[float, float]) -> tuple[float, float]:
+    """The two numbers of `value` as floats; InvalidScene, which names `what`, if it is not two finite numbers."""
+    if np.shape(value) != (2,) or not np.all(np.isfinite(value)):
+        raise InvalidScene(f"{what} {value}: give two finite numbers")
+    return float(value[0]), float(value[1])
+
+
+class Region(Protocol):
+    """A part of the plane: `bounds` is its bounding box, `contains` tells which positions lie in it."""
+
+    @property
+    def bounds(self) -> tuple[Array, Array]:
+        """Lower and upper corner, each (2,)."""
+        ...
+
+    def contains(self, x: Array, tol: float = 0.0) -> Mask:
+        """Which of the positions x (n, 2) lie in the region grown by `tol`, or shrunk where it is negative: (n,)."""
+        ...
+
+
+@dataclass(frozen=True)
+class Rectangle:
+    """Axis-aligned closed rectangle; a side may be infinite, which makes it a half-plane or a strip."""
+
+    lower: tuple[float, float]
+    upper: tuple[float, float]
+
+    def __post_init__(self) -> None:
+        if np.shape(self.lower) != (2,) or np.shape(self.upper) != (2,):
+            raise InvalidScene(f"rectangle {self.lower} to {self.upper}: give two coordinates for each corner")
+        sides = np.subtract(self.upper, self.lower)
+        if not np.all(sides >= 0):  # also catches NaN
+            raise InvalidScene(f"rectangle {self.lower} to {self.upper}: make every upper bound at least its lower one")
+
+    @property
+    def bounds(self) -> tuple[Array, Array]:
+        """Lower and upper corner, each (2,)."""
+        return np.array(self.lower, float), np.array(self.upper, float)
+
+    def contains(self, x: Array, tol: float = 0.0) -> Mask:
+        """Which of the positions x (n, 2) lie in the rectangle grown by `tol`: (n,). Its corners stay sharp."""
+        lower, upper = self.bounds
+        return np.all((x >= lower - tol) & (x <= upper + tol), axis=1)
+
+
+@dataclass(frozen=True)
+class Circle:
+    """Closed disc."""
+
+    centre: tuple[float, float]
+    radius: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "centre", finite_pair("centre of a circle", self.centre))
+        if not 0 < self.radius < np.inf:
+            raise InvalidScene(f"circle of radius {self.radius}: give a positive, finite length")
+
+    @property
+    def bounds(self) -> tuple[Array, Array]:
+        """Lower and upper corner, each (2,)."""
+        return np.subtract(self.centre, self.radius), np.add(self.centre, self.radius)
+
+    def contains(self, x: Array, tol: float = 0.0) -> Mask:
+        """Which of the positions x (n, 2) lie in the circle grown by `tol`: (n,)."""
+        return np.hypot(*(x - self.centre).T) <= self.radius + tol
+
+
+@dataclass(frozen=True)
+class HalfPlane:
+    """(x - point) . normal <= 0: what lies behind a line, seen along its outward normal of any length."""
+
+    point: tuple[float, float]
+    normal: tuple[float, float]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "point", finite_pair("point of a half-plane", self.point))
+        object.__setattr__(self, "normal", finite_pair("normal of a half-plane", self.normal))
+        if self.normal == (0, 0):
+            raise InvalidScene("the normal of a half-plane is zero: give the direction that leads out of it")
+
+    @property
+    def bounds(self) -> tuple[Array, Array]:
+        """Lower and upper corner, each (2,): infinite."""
+        return np.full(2, -np.inf), np.full(2, np.inf)
+
+    def contains(self, x: Array, tol: float = 0.0) -> Mask:
+        """Which of the positions x (n, 2) lie in the half-plane grown by `tol`: (n,)."""
+        unit = np.divide(self.normal, np.max(np.abs(self.normal)))  # against underflow of a short one
+        return (x - self.point) @ (unit / np.hypot(*unit)) <= tol
+
+
+@dataclass(frozen=True)
+class Polygon:
+    """Closed polygon of any shape and orientation; where it crosses itself the even-odd rule says what is inside.
+
+    A vertex given twice in a row, as the last one of a closed ring, counts once.
+    """
+
+    vertices: tuple[tuple[float, float], ...]
+
+    def __post_init__(self) -> None:
+        if np.ndim(self.vertices) != 2:
+            raise InvalidScene("vertices of a polygon: give one (x, y) for each")
+        given = [finite_pair("vertex of a polygon", vertex) for vertex in self.vertices]
+        kept = tuple(vertex for vertex, then in zip(given, [*given[1:], given[0]], strict=True) if vertex != then)
+        object.__setattr__(self, "vertices", kept)
+        if len(kept) < 3:
+            raise InvalidScene(f"polygon of {len(kept)} different vertices: give at least three")
+        sides = np.subtract(kept, kept[0])
+        if np.linalg.matrix_rank(sides / np.abs(sides).max(), tol=1e-12) < 2:
+            raise InvalidScene("all vertices of a polygon lie on one line: move one off it")
+
+    @property
+    def bounds(self) -> tuple[Array, Array]:
+        """Lower and upper corner, each (2,)."""
+        return np.min(self.vertices, axis=0), np.max(self.vertices, axis=0)
+
+    def contains(self, x: Array, tol: float = 0.0) -> Mask:
+        """Which of the positions x (n, 2) lie in the polygon grown by `tol`: (n,). Grown corners are round.
+
+        By the signed distance to the boundary; on an edge not parallel to an axis it is zero to rounding only.
+        """
+        distance, inside = np.full(len(x), np.inf), np.zeros(len(x), dtype=bool)
+        for a, b in zip(self.vertices, [*self.vertices[1:], self.vertices[0]], strict=True):
+            edge, (dx, dy) = np.subtract(b, a), (x - a).T
+            cross, along = edge[0] * dy - edge[1] * dx, edge[0] * dx + edge[1] * dy
+            beside = (along >= 0) & (along <= edge @ edge)
+            # elsewhere the nearest point is a vertex, and every vertex is the start of some edge
+            distance = np.minimum(distance, np.where(beside, np.abs(cross) / np.hypot(*edge), np.hypot(dx, dy)))
+            # a ray along +x leaves through this edge
+            inside ^= ((a[1] <= x[:, 1]) != (b[1] <= x[:, 1])) & ((cross > 0) == (edge[1] > 0))
+        return np.where(inside, -distance, distance) <= tol
+
+
+@dataclass(frozen=True)
+class LevelSet:
+    """{phi(x) <= 0} within the box from `lower` to `upper`, whose sides may be infinite; phi maps (n, 2) to (n,).
+
+    `tol` is compared with phi itself: the region grows by that length only where phi is a signed distance, so scale
+    phi to a slope of about one at its zero line. Any other test of positions is one, too, and then not grown at all:
+    phi = lambda x: np.where(inside(x), -1.0, 1.0), in a scene much larger than 1e-9.
+    """
+
+    lower: tuple[float, float]
+    upper: tuple[float, float]
+    phi: Callable[[Array], Array]
+
+    def __post_init__(self) -> None:
+        if not callable(self.phi):
+            raise InvalidScene(f"level set of {self.phi!r}: give a function of positions (n, 2) with values (n,)")
+        Rectangle(self.lower, self.upper)  # refuses what is no box
+
+    @property
+    def bounds(self) -> tuple[Array, Array]:
+        """Lower and upper corner, each (2,)."""
+        return np.array(self.lower, float), np.array(self.upper, float)
+
+    def contains(self, x: Array, tol: float = 0.0) -> Mask:
+        """Which of the positions x (n, 2) lie in the box grown by `tol` and have phi <= tol: (n,)."""
+        phi = np.asarray(self.phi(x))
+        if phi.shape != (len(x),) or np.any(np.isnan(phi)):
+            raise InvalidScene(
+                f"phi of a level set: {np.count_nonzero(np.isnan(phi))} NaN in shape {phi.shape} for {len(x)} "
+                "positions; give one number for each"
+            )
+        return Rectangle(self.lower, self.upper).contains(x, tol) & (phi <= tol)
+
+
+@dataclass(frozen=True)
+class Difference:
+    """What lies in `whole` and not in `hole`."""
+
+    whole: Region
+    hole: Region
+
+    @property
+    def bounds(self) -> tuple[Array, Array]:
+        """Lower and upper corner of `whole`, each (2,)."""
+        return self.whole.bounds
+
+    def contains(self, x: Array, tol: float = 0.0) -> Mask:
+        """Which of the positions x (n, 2) lie in the difference grown by `tol`: (n,)."""
+        return self.whole.contains(x, tol) & ~self.hole.contains(x, -tol)
+
+
+@dataclass(frozen=True, init=False, repr=False)
+class Union:
+    """What lies in at least one of the parts: Union(a, b, ...). Shrunk, it also loses a seam between two of them."""
+
+    parts: tuple[Region, ...]
+
+    def __init__(self, *parts: Region) -> None:
+        object.__setattr__(self, "parts", _some("union", parts))
+
+    def __repr__(self) -> str:
+        return f"Union({', '.join(map(repr, self.parts))})"
+
+    @property
+    def bounds(self) -> tuple[Array, Array]:
+        """Lower and upper corner, each (2,)."""
+        lower, upper = zip(*(part.bounds for part in self.parts), strict=True)
+        return np.min(lower, axis=0), np.max(upper, axis=0)
+
+    def contains(self, x: Array, tol: float = 0.0) -> Mask:
+        """Which of the positions x (n, 2) lie in a part grown by `tol`: (n,)."""
+        return np.any([part.contains(x, tol) for part in self.parts], axis=0)
+
+
+@dataclass(frozen=True, init=False, repr=False)
+class Intersection:
+    """What lies in every one of the parts: Intersection(a, b, ...). Grown, its corners stay sharp."""
+
+    parts: tuple[Region, ...]
+
+    def __init__(self, *parts: Region) -> None:
+        object.__setattr__(self, "parts", _some("intersection", parts))
+
+    def __repr__(self) -> str:
+        return f"Intersection({', '.join(map(repr, self.parts))})"
+
+    @property
+    def bounds(self) -> tuple[Array, Array]:
+        """Lower and upper corner of what the parts' boxes share, each (2,); crossed over where that is nothing."""
+        lower, upper = zip(*(part.bounds for part in self.parts), strict=True)
+        return np.max(lower, axis=0), np.min(upper, axis=0)
+
+    def contains(self, x: Array, tol: float = 0.0) -> Mask:
+        """Which of the positions x (n, 2) lie in every part grown by `tol`: (n,)."""
+        return np.all([part.contains(x, tol) for part in self.parts], axis=0)
+
+
+def _some(what: str, parts: tuple[Region, ...]) -> tuple[Region, ...]:
+    if not parts or not all(hasattr(part, "contains") for part in parts):
+        raise InvalidScene(f"{what} of {parts}: give one region or more, each as an argument of its own")
+    return parts
