@@ -12,9 +12,11 @@ from mpmtop.equilibrium import discretise
 from mpmtop.gcmma import GCMMA, Problem, UpdateRule
 from mpmtop.material import von_mises
 from mpmtop.optimize import Iterate, optimize
+from mpmtop.points import seed
 from mpmtop.scene import Array, Index, Scene
 from mpmtop.shape_functions import ShapeFunction, bspline2, bspline3, gimp, tent
 from reference_fem import elasticity, simp
+from validation.crossing import Crossing
 from validation.scenes import SPACING, H
 
 SHAPE_FUNCTIONS: dict[str, ShapeFunction] = {
@@ -84,17 +86,24 @@ class Analyser:
         return Design(self.x, self.half_length, rho)
 
 
-def material_points(shape_function: ShapeFunction, name: str) -> Callable[[Scene], Analyser]:
-    """The material point method, 2 x 2 points per cell of size h."""
+def material_points(
+    shape_function: ShapeFunction, name: str, crossing: Crossing | None = None
+) -> Callable[[Scene], Analyser]:
+    """The material point method, 2 x 2 points per cell of size h, moved by `crossing` before the analysis.
+
+    Designs live on the points' positions before the move, where each owns a rectangle of the body.
+    """
 
     def build(scene: Scene) -> Analyser:
-        model = discretise(scene, H, 2, shape_function)
+        grid = seed(scene.domain, (SPACING, SPACING))
+        moved = crossing(grid, scene.domain) if crossing else grid
+        model = discretise(scene, H, points=moved, shape_function=shape_function)
 
         def stress(evaluation: problem.Evaluation) -> Array:
             solid = np.full(len(evaluation.rho), scene.material.young)
             return von_mises(model.stress(solid, evaluation.state.strain), scene.material)
 
-        return Analyser(name, problem.DesignProblem(model), model.points.x, model.points.half_length, stress)
+        return Analyser(name, problem.DesignProblem(model, grid), grid.x, grid.half_length, stress)
 
     return build
 

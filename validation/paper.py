@@ -4,7 +4,12 @@ The paper: "Topology optimization with material point method: investigation into
 of shape functions".
 """
 
+from collections.abc import Iterable
 from typing import NamedTuple
+
+import pandas as pd
+
+from validation.report import Report
 
 
 class Stated(NamedTuple):
@@ -28,3 +33,37 @@ SENSITIVITY_COMPLIANCE_ERROR = Stated(0.02, "Appendix, Fig. 20a")  # percent
 SENSITIVITY_COMPLIANCE_SHARE = Stated(0.9915, "Appendix, Fig. 20a")
 SENSITIVITY_P_NORM_ERROR = Stated(0.3, "Appendix, Fig. 20b")  # percent
 SENSITIVITY_P_NORM_SHARE = Stated(0.9897, "Appendix, Fig. 20b")
+CANTILEVER_CROSSING_TIP_STANDARD = Stated(0.138, "Sect. 5.2.1")
+CANTILEVER_CROSSING_TIP_GIMP = Stated(0.018, "Sect. 5.2.1")
+L_BRACKET_CROSSING_P_NORM = Stated(0.10, "Sect. 5.2.2")
+L_BRACKET_CROSSING_STANDARD = (Stated(2.48, "Sect. 5.2.2, Fig. 15"), Stated(1.81, "Sect. 5.2.2, Fig. 15"))  # Pa
+L_BRACKET_CROSSING_GIMP = (Stated(2.24, "Sect. 5.2.2, Fig. 15"), Stated(1.62, "Sect. 5.2.2, Fig. 15"))  # Pa
+
+
+class Compared(NamedTuple):
+    """A number of the paper beside ours, what ours depends on, and when they agree: within `rtol`, or if the paper
+    gives a bound (`rtol` None), when ours is no larger."""
+
+    number: str
+    stated: Stated
+    ours: float
+    depends_on: str
+    rtol: float | None
+
+
+def compare(report: Report, name: str, numbers: Iterable[Compared], caption: str) -> None:
+    """A claim for each number, and all of them in a table."""
+    rows = []
+    for number, stated, ours, depends_on, rtol in numbers:
+        bound = {"at_most": stated.value} if rtol is None else {"expected": stated.value, "rtol": rtol}
+        agrees = report.check(number, ours, source=stated.where, **bound)
+        rows.append(
+            {
+                "number": number,
+                "paper": f"< {stated.value:g}" if rtol is None else f"{stated.value:.4g}",
+                "ours": ours,
+                "verdict": "agrees" if agrees else "differs",
+                "ours depends on": depends_on,
+            }
+        )
+    report.table(name, pd.DataFrame(rows), caption, 4)

@@ -5,6 +5,7 @@ leaves open (where the tip force acts, the filter's radius, rho_min, the meaning
 are our choice.
 """
 
+from dataclasses import replace
 from typing import Any, Literal
 
 import numpy as np
@@ -31,6 +32,20 @@ def cantilever(load: TipLoad = "mid-height", radius: float = 3 * SPACING, **chan
         material=Material(young=1.0, poisson=0.3, plane="strain"),
         volume_fraction=0.4,
         **changes,
+    )
+
+
+def extended_cantilever() -> Scene:
+    """The cantilever, continued 2h behind its clamp and beyond its tip, with the force at the tip's place on the grid.
+
+    The same body on the same supports for any shift of its points in x by less than 2h.
+    """
+    scene = cantilever()
+    return replace(
+        scene,
+        name="cantilever, extended",
+        domain=Rectangle((-2.0, 0.0), (42.0, 20.0)),
+        loads=(PointLoad((40.0, 10.0), (0.0, -1.0), points=0),),
     )
 
 
