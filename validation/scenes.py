@@ -10,7 +10,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-from mpmtop.scene import Difference, Material, PNormStress, PointLoad, Rectangle, Scene, Support
+from mpmtop.region import Circle, Difference, Rectangle, Region
+from mpmtop.scene import Material, PNormStress, PointLoad, RegionLoad, Scene, Support
 
 H = 1.0
 """Background cell size h."""
@@ -70,3 +71,53 @@ def l_bracket(radius: float = 2 * SPACING, **changes: Any) -> Scene:
         "objective": PNormStress(p=12.0, q=0.5),
     }
     return Scene(**(settings | changes))
+
+
+def toy_cantilever(width: float = 4.0, height: float = 1.0) -> Scene:
+    """Fig. 3: four cells of 2 x 2 points, left edge clamped, unit force down on the lower right point."""
+    return Scene(
+        name=f"toy cantilever, {width:g} x {height:g} cells",
+        domain=Rectangle((0.0, 0.0), (width, height)),
+        supports=(Support(Rectangle((-np.inf, -np.inf), (0.0, np.inf))),),
+        loads=(PointLoad((width - SPACING / 2, SPACING / 2), (0.0, -1.0), points=1),),
+        filter_radius=SPACING,
+        material=Material(young=1.0, poisson=0.3, plane="strain"),
+    )
+
+
+HOLE = Circle((15.0, 15.0), 10.0)
+"""The hole of Fig. 16, in units of h = 1 mm."""
+
+
+def perforated(hole: Region = HOLE, *, absent: bool, **changes: Any) -> Scene:
+    """Fig. 16: 45h x 30h, left edge clamped, unit force down at the lower right corner, and a hole.
+
+    The hole is cut out of the domain (`absent`), or is passive void. Load and hole are those of Sigmund (2001), Struct.
+    Multidisc. Optim. 21:120, Sect. 4.3, which the paper refers to.
+    """
+    plate = Rectangle((0.0, 0.0), (45.0, 30.0))
+    settings: dict[str, Any] = {
+        "name": "cantilever with a hole",
+        "domain": Difference(plate, hole) if absent else plate,
+        "supports": (Support(Rectangle((-np.inf, -np.inf), (0.0, np.inf))),),
+        "loads": (PointLoad((45.0, 0.0), (0.0, -1.0), points=6),),
+        "filter_radius": 3 * SPACING,
+        "material": Material(young=1.0, poisson=0.3, plane="strain"),
+        "volume_fraction": 0.4,
+        "passive_void": None if absent else hole,
+    }
+    return Scene(**(settings | changes))
+
+
+def distributed_load(radius: float = 1.0) -> Scene:
+    """Fig. 18: 30h x 15h, left edge clamped, a unit force spread over the upper h/3 of the body, a row of coarse points
+    or two rows of fine ones."""
+    return Scene(
+        name="cantilever, distributed load",
+        domain=Rectangle((0.0, 0.0), (30.0, 15.0)),
+        supports=(Support(Rectangle((-np.inf, -np.inf), (0.0, np.inf))),),
+        loads=(RegionLoad(Rectangle((0.0, 15.0 - 1 / 3), (30.0, 15.0)), (0.0, -1.0)),),
+        filter_radius=radius,
+        material=Material(young=1.0, poisson=0.3, plane="strain"),
+        volume_fraction=0.4,
+    )
