@@ -8,8 +8,8 @@ that hold the body, for functions that treat its ends. It returns a `Stencil`: t
 values and gradients (per cell size) of these nodes' functions at each point. All of them form a partition of unity,
 sum N = 1 and sum grad N = 0, and reproduce linear fields.
 
-CPDI is not among them: on domains that stay undeformed and along the axes its gradient is GIMP's in one dimension, the
-difference of the tent over the domain by its width, so that in a small-strain analysis it has nothing to add.
+CPDI is not among them: along one axis its gradient on a domain that stays undeformed is GIMP's, the difference of the
+tent over the domain by its width, and small strain leaves domains as they are.
 """
 
 from typing import NamedTuple, Protocol
