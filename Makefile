@@ -1,5 +1,7 @@
 # Two commands: `make validate` regenerates the report, `make test` runs the tests. Python 3.11+, make and git suffice.
 PYTHON ?= python3
+# studies run beside each other, one process for each core
+JOBS ?= auto
 BIN := .venv/bin
 # one thread per process: a second BLAS thread gains little at these sizes and loses much on a busy machine
 export OPENBLAS_NUM_THREADS ?= 1
@@ -9,7 +11,7 @@ export MKL_NUM_THREADS ?= 1
 .PHONY: validate test lint lock clean
 
 validate: .venv/installed
-	$(BIN)/python -m pytest validation
+	$(BIN)/python -m pytest validation -n $(JOBS) --dist loadfile
 
 test: .venv/installed
 	$(BIN)/python -m pytest tests

@@ -9,6 +9,7 @@ os.environ.setdefault("MKL_NUM_THREADS", "1")
 
 import csv
 import importlib.metadata
+import pickle
 import platform
 import re
 import shlex
@@ -21,7 +22,6 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
-from types import FunctionType
 from typing import Any, Protocol, TextIO, TypeVar
 
 import matplotlib as mpl
@@ -33,7 +33,7 @@ from rich.console import Console
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from validation.metrics import STYLE
-from validation.report import Report, Section, Study, merge, merge_timings, read, read_timings, section
+from validation.report import Ran, Report, Study, merge, merge_timings, read, read_timings
 from validation.templates import count, holding, publish
 
 Item = TypeVar("Item")
@@ -49,6 +49,7 @@ class Run:
     started: float = field(default_factory=time.perf_counter)
     files: set[str] = field(default_factory=set)
     reports: dict[pytest.Function, Report] = field(default_factory=dict)
+    received: list[Ran] = field(default_factory=list)  # from the workers of pytest-xdist
     summary: list[str] = field(default_factory=list)
     progress: Progress | None = None  # of the running test
 
@@ -188,24 +189,35 @@ def progress(pytestconfig: pytest.Config) -> ShowProgress:
     return show
 
 
+@pytest.hookimpl(optionalhook=True)
+def pytest_testnodedown(node: Any) -> None:
+    """Take over what a worker of pytest-xdist recorded; nothing if it crashed."""
+    node.config.stash[RUN].received += pickle.loads(node.workeroutput["ran"]) if hasattr(node, "workeroutput") else []
+
+
 def pytest_sessionfinish(session: pytest.Session) -> None:
     run = session.config.stash[RUN]
-    if not run.reports:
+    ran = run.received + [_ran(item, report) for item, report in run.reports.items()]
+    if hasattr(session.config, "workeroutput"):
+        session.config.workeroutput["ran"] = pickle.dumps(ran)
+        return
+    if not ran:
         return
     directory = Path(session.config.getoption("--reports", None) or session.config.rootpath / "reports").absolute()
     before = read(directory)
-    studies = _studies(run, before)
-    timings = merge_timings(read_timings(directory), run.reports.values(), studies)
+    studies = _studies(ran, before)
+    reports = [test.report for test in ran]
+    timings = merge_timings(read_timings(directory), reports, studies)
     claims = [claim for study in studies for claim in study.claims]
     verdicts, (hold, checks) = count(claims), holding(claims)
-    ran = f"{sum(len(report.claims) for report in run.reports.values())} of {len(claims)} claims run"
+    claims_run = f"{sum(len(report.claims) for report in reports)} of {len(claims)} claims run"
     run.summary = [
         f"report: {directory / 'index.html'}",
-        f"{ran}; paper: {verdicts['agrees']} agree, {verdicts['differs']} differ, {verdicts['not stated']} not stated; "
-        f"our checks: {hold} of {checks} hold",
+        f"{claims_run}; paper: {verdicts['agrees']} agree, {verdicts['differs']} differ, {verdicts['not stated']} not "
+        f"stated; our checks: {hold} of {checks} hold",
     ]
-    figures = {file: svg for report in run.reports.values() for file, svg in report.figures.items()}
-    provenance = _provenance(session.config, directory, ran, time.perf_counter() - run.started)
+    figures = {file: svg for report in reports for file, svg in report.figures.items()}
+    provenance = _provenance(session.config, directory, claims_run, time.perf_counter() - run.started)
     publish(directory, list(before.values()), studies, timings, figures, provenance)
 
 
@@ -214,19 +226,20 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: p
         terminalreporter.write_line(line)
 
 
-def _studies(run: Run, before: Mapping[str, Study]) -> list[Study]:
+def _ran(item: pytest.Function, report: Report) -> Ran:
+    module = item.module
+    return Ran(item.path.parent, module.__doc__, tuple(vars(module)), item.function.__doc__, report)
+
+
+def _studies(ran: Iterable[Ran], before: Mapping[str, Study]) -> list[Study]:
     """The studies after this run, by name; those whose module is gone are left out."""
-    modules = {report.study: item.module for item, report in run.reports.items()}
-    functions: dict[FunctionType, list[Report]] = {}
-    for item, report in run.reports.items():
-        functions.setdefault(item.function, []).append(report)
-    sections: dict[str, dict[str, Section]] = {study: {} for study in modules}
-    for function, reports in functions.items():
-        sections[reports[0].study][function.__name__] = section(reports, function)
-    folders = {Path(__file__).parent, *(item.path.parent for item in run.reports)}
+    by_study: dict[str, list[Ran]] = {}
+    for test in ran:
+        by_study.setdefault(test.report.study, []).append(test)
+    folders = {Path(__file__).parent, *(test.folder for test in ran)}
     present = {path.stem.removeprefix("test_") for folder in folders for path in folder.rglob("test_*.py")}
     studies = {name: study for name, study in before.items() if name in present}
-    studies |= {name: merge(before.get(name), module, sections[name]) for name, module in modules.items()}
+    studies |= {name: merge(before.get(name), runs) for name, runs in by_study.items()}
     return [studies[name] for name in sorted(studies)]
 
 

@@ -1,5 +1,6 @@
 """The methods that are compared, behind one face: build the problem, optimise, analyse a design of any origin."""
 
+import os
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any, Protocol, Self
@@ -12,7 +13,7 @@ from mpmtop.equilibrium import discretise
 from mpmtop.gcmma import GCMMA, Problem, UpdateRule
 from mpmtop.material import von_mises
 from mpmtop.optimize import Iterate, optimize
-from mpmtop.points import seed
+from mpmtop.points import MaterialPoints, seed
 from mpmtop.scene import Array, Index, Scene
 from mpmtop.shape_functions import ShapeFunction, bspline2, bspline3, gimp, tent
 from reference_fem import elasticity, simp
@@ -26,6 +27,9 @@ SHAPE_FUNCTIONS: dict[str, ShapeFunction] = {
     "cubic B-spline": bspline3,
 }
 """Shape functions by their names in reports."""
+
+JOBS = 1 if "PYTEST_XDIST_WORKER" in os.environ else 2
+"""Processes for long runs that do not depend on each other, unless pytest-xdist has already divided the work."""
 
 MOVE = 0.3
 """The paper's move limit."""
@@ -72,6 +76,7 @@ class Analyser:
     """
 
     name: str
+    scene: Scene
     problem: DensityProblem
     x: Array
     half_length: Array
@@ -87,15 +92,20 @@ class Analyser:
 
 
 def material_points(
-    shape_function: ShapeFunction, name: str, crossing: Crossing | None = None
+    shape_function: ShapeFunction,
+    name: str,
+    crossing: Crossing | None = None,
+    *,
+    points: MaterialPoints | None = None,
+    filter_passive: bool = False,
 ) -> Callable[[Scene], Analyser]:
-    """The material point method, 2 x 2 points per cell of size h, moved by `crossing` before the analysis.
+    """The material point method on cells of size h: `points`, or else 2 x 2 per cell, moved by `crossing`.
 
     Designs live on the points' positions before the move, where each owns a rectangle of the body.
     """
 
     def build(scene: Scene) -> Analyser:
-        grid = seed(scene.domain, (SPACING, SPACING))
+        grid = points or seed(scene.domain, (SPACING, SPACING))
         moved = crossing(grid, scene.domain) if crossing else grid
         model = discretise(scene, H, points=moved, shape_function=shape_function)
 
@@ -103,7 +113,8 @@ def material_points(
             solid = np.full(len(evaluation.rho), scene.material.young)
             return von_mises(model.stress(solid, evaluation.state.strain), scene.material)
 
-        return Analyser(name, problem.DesignProblem(model, grid), grid.x, grid.half_length, stress)
+        design = problem.DesignProblem(model, grid, filter_passive=filter_passive)
+        return Analyser(name, scene, design, grid.x, grid.half_length, stress)
 
     return build
 
@@ -117,7 +128,7 @@ def finite_elements(scene: Scene) -> Analyser:
         solid = np.full(len(evaluation.rho), scene.material.young)
         return elasticity.von_mises(elasticity.stress(model, evaluation.u, solid))[:, 0]
 
-    return Analyser("FEM", fem, model.centres, np.full_like(model.centres, SPACING / 2), stress)
+    return Analyser("FEM", scene, fem, model.centres, np.full_like(model.centres, SPACING / 2), stress)
 
 
 METHODS: dict[str, Callable[[Scene], Analyser]] = {
@@ -157,7 +168,7 @@ class Optimisation:
                 designs[iterate.iteration] = analyser.design(iterate.evaluation.rho)
         designs[iterate.iteration] = analyser.design(iterate.evaluation.rho)
         objective, constraint, solves = np.array(rows).T
-        volume = analyser.problem.x0[0] * (1 + constraint)
+        volume = analyser.scene.volume_fraction * (1 + constraint)
         return cls(objective, volume, solves.astype(np.intp), designs, iterate.converged)
 
     @property

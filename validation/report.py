@@ -15,7 +15,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from inspect import cleandoc
 from pathlib import Path
-from types import FunctionType, ModuleType
 from typing import Any, Literal, TypeVar
 
 import matplotlib as mpl
@@ -210,20 +209,37 @@ def plain(value: Any, digits: int = 6) -> Value:
     return value if isinstance(value, bool | int | str) else str(value)
 
 
-def section(reports: Sequence[Report], function: FunctionType) -> Section:
+@dataclass(frozen=True)
+class Ran:
+    """A test function that ran, fit to pass from one process to another: its module's folder, docstring and names in
+    their order, its own docstring and its recorder."""
+
+    folder: Path
+    module: str | None
+    names: tuple[str, ...]
+    docstring: str | None
+    report: Report
+
+
+def section(runs: Sequence[Ran]) -> Section:
     """What the runs of one test function (several if parametrised) recorded, in their order."""
-    title, text = _headed(function.__doc__, function.__name__)
+    reports = [run.report for run in runs]
+    title, text = _headed(runs[0].docstring, reports[0].test)
     ended_by = next((report.ended_by for report in reports if report.ended_by), "")
     claims = [claim for report in reports for claim in report.claims]
     blocks = [block for report in reports for block in report.blocks]
-    return Section(function.__name__, title, text, ended_by, claims, blocks)
+    return Section(reports[0].test, title, text, ended_by, claims, blocks)
 
 
-def merge(old: Study | None, module: ModuleType, ran: Mapping[str, Section]) -> Study:
+def merge(old: Study | None, runs: Sequence[Ran]) -> Study:
     """The study of a module: its sections that ran, the old ones of its other functions, none of removed functions."""
-    name = module.__name__.rpartition(".")[2].removeprefix("test_")
-    known = {section.test: section for section in (old.sections if old else [])} | dict(ran)
-    return Study(name, *_headed(module.__doc__, name), [known[test] for test in vars(module) if test in known])
+    name = runs[0].report.study
+    by_test: dict[str, list[Ran]] = {}
+    for run in runs:
+        by_test.setdefault(run.report.test, []).append(run)
+    known = {section.test: section for section in (old.sections if old else [])}
+    known |= {test: section(of_test) for test, of_test in by_test.items()}
+    return Study(name, *_headed(runs[0].module, name), [known[test] for test in runs[0].names if test in known])
 
 
 def _headed(docstring: str | None, name: str) -> tuple[str, str]:

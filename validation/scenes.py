@@ -109,14 +109,16 @@ def perforated(hole: Region = HOLE, *, absent: bool, **changes: Any) -> Scene:
     return Scene(**(settings | changes))
 
 
-def distributed_load(radius: float = 1.0) -> Scene:
-    """Fig. 18: 30h x 15h, left edge clamped, a unit force spread over the upper h/3 of the body, a row of coarse points
-    or two rows of fine ones."""
+def distributed_load(radius: float = 1.0, depth: float = 1 / 3) -> Scene:
+    """Fig. 18: 30h x 15h, left edge clamped, a unit force spread over the points of the body's upper edge.
+
+    They are those above a depth, h/3: a row of coarse points or two rows of fine ones.
+    """
     return Scene(
         name="cantilever, distributed load",
         domain=Rectangle((0.0, 0.0), (30.0, 15.0)),
         supports=(Support(Rectangle((-np.inf, -np.inf), (0.0, np.inf))),),
-        loads=(RegionLoad(Rectangle((0.0, 15.0 - 1 / 3), (30.0, 15.0)), (0.0, -1.0)),),
+        loads=(RegionLoad(Rectangle((0.0, 15.0 - depth), (30.0, 15.0)), (0.0, -1.0)),),
         filter_radius=radius,
         material=Material(young=1.0, poisson=0.3, plane="strain"),
         volume_fraction=0.4,

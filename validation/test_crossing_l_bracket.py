@@ -23,6 +23,7 @@ from validation import paper
 from validation.conftest import Lock, ShowProgress
 from validation.crossing import Crossing, Periodic
 from validation.methods import (
+    JOBS,
     METHODS,
     MOVE,
     ROUNDING_RISE,
@@ -70,7 +71,7 @@ def optimise(name: str, crossing: Crossing | None) -> Optimisation:
 
 @pytest.fixture(scope="module")
 def runs(progress: ShowProgress) -> dict[str, Optimisation]:
-    done = Parallel(n_jobs=2, return_as="generator")(delayed(optimise)(*case) for case in RUNS.values())
+    done = Parallel(n_jobs=JOBS, return_as="generator")(delayed(optimise)(*case) for case in RUNS.values())
     return dict(zip(RUNS, progress(done, "crossed brackets"), strict=True))
 
 

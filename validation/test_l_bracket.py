@@ -27,7 +27,7 @@ from mpmtop.scene import Array, Compliance
 from reference_fem.reanalyse import Judge, build_judge, judge_stress
 from validation import paper
 from validation.conftest import Lock, ShowProgress
-from validation.methods import METHODS, MOVE, PAPER_RULE, ROUNDING_RISE, Analyser, Design, Optimisation
+from validation.methods import JOBS, METHODS, MOVE, PAPER_RULE, ROUNDING_RISE, Analyser, Design, Optimisation
 from validation.metrics import draw_design, draw_points
 from validation.report import Report
 from validation.scenes import CORNER, SPACING, l_bracket
@@ -68,7 +68,7 @@ def runs(progress: ShowProgress) -> dict[str, Optimisation]:
     # FEM first: it takes as long as all others together
     cases: dict[str, tuple[str, UpdateRule, int | None]] = {n: (n, WARM, None) for n in reversed(METHODS)}
     cases |= {name: ("standard", rule, SOLVES) for name, rule in RULES.items()}
-    done = Parallel(n_jobs=2, return_as="generator")(delayed(optimise)(*case) for case in cases.values())
+    done = Parallel(n_jobs=JOBS, return_as="generator")(delayed(optimise)(*case) for case in cases.values())
     return dict(zip(cases, progress(done, "L-bracket runs"), strict=True))
 
 

@@ -107,8 +107,8 @@ def test_cases(report: Report, lock: Lock, layout: str) -> None:
 def test_residual_modulus(report: Report) -> None:
     """Case 1 against case 2, by E_min
 
-    Zero density leaves the modulus E_min, so case 2 differs from case 1 in proportion to it. With E_min = 0 the point is
-    absent in all but name. (A node that only such points touch has no stiffness then; the analysis names it.)
+    Zero density leaves the modulus E_min, so case 2 differs from case 1 in proportion to it. With E_min = 0 the point
+    is absent in all but name. (A node that only such points touch has no stiffness then; the analysis names it.)
     """
     rows: dict[float, dict[str, float]] = {}
     for layout, scene in SCENES.items():

@@ -33,6 +33,7 @@ from mpmtop.scene import Array, Compliance, Index, PNormStress, Scene
 from mpmtop.shape_functions import gimp, tent
 from reference_fem.simp import design_problem
 from validation import paper
+from validation.methods import JOBS
 from validation.report import Report
 from validation.scenes import SPACING, H, cantilever, l_bracket
 from validation.sensitivity import (
@@ -157,7 +158,7 @@ def verified(subjects: dict[tuple[str, str], Subject], uniform: dict[str, State]
 
     keys = [(*key, field) for key in subjects for field in ("uniform", "random")]
     # threads suffice, most of it is matrix products; the longest cases first
-    done = Parallel(n_jobs=2, prefer="threads")(delayed(case)(*key) for key in reversed(keys))
+    done = Parallel(n_jobs=JOBS, prefer="threads")(delayed(case)(*key) for key in reversed(keys))
     return dict(zip(keys, reversed(done), strict=True))
 
 
