@@ -1,13 +1,17 @@
 """Supports and loads of a scene on a finite element mesh."""
 
+from collections.abc import Callable
+
 import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
-from skfem import CellBasis
+from skfem import CellBasis, MeshQuad
 
-from mpmtop.scene import Array, LoadOutsideBody, Mask, Scene, UnsupportedBody
-from reference_fem.mesh import GEOMETRY_TOLERANCE, element_centres, element_sides
+from mpmtop.scene import Array, Index, LoadOutsideBody, Mask, Scene, UnsupportedBody
+from reference_fem.mesh import GEOMETRY_TOLERANCE, corner_jacobians, element_centres, element_sides, shortest_side
+
+Locate = Callable[[CellBasis, Array], tuple[Index, Array]]
 
 
 def held_dofs(scene: Scene, basis: CellBasis, tol: float) -> Mask:
@@ -37,31 +41,71 @@ def _check_rigid_motions(basis: CellBasis, held: Mask) -> None:
         motion[dofs, 2] = (-xy[1, dofs], xy[0, dofs])[a]
     gram = np.zeros((parts, 3, 3))
     np.add.at(gram, part[held], motion[held, :, None] * motion[held, None, :])
-    loose = np.count_nonzero(np.linalg.matrix_rank(gram, hermitian=True) < 3)
-    if loose:
+    loose = np.flatnonzero(np.linalg.matrix_rank(gram, hermitian=True) < 3)
+    if len(loose):
+        around = basis.doflocs[:, part == loose[0]].mean(axis=1)
         raise UnsupportedBody(
-            f"{loose} of {parts} connected part(s) of the body can move rigidly: hold both components, at two nodes or "
-            "more in all, of each part"
+            f"{len(loose)} of {parts} connected part(s) of the body can move rigidly, the first around {around}: hold "
+            "both components, at two nodes or more in all, of each part, or take the part out of the domain"
         )
 
 
-def nodal_forces(basis: CellBasis, x: Array, forces: Array) -> Array:
-    """Load vector (N,) of forces (k, 2) at positions x (k, 2) of lattice quads, through the basis evaluated there.
+def locate_in_lattice(basis: CellBasis, x: Array) -> tuple[Index, Array]:
+    """Element (k,) of lattice quads that holds each position x (k, 2), and where in it: reference coordinates (2, k).
 
     A position on an edge or a corner may be taken in any element that touches it: the basis is continuous. Raises
     LoadOutsideBody for a position in no element.
     """
     sides = element_sides(basis.mesh)
     distance, cell = cKDTree(element_centres(basis.mesh) / sides.min(axis=0)).query(x / sides.min(axis=0), p=np.inf)
-    if np.any(distance > 0.5 + GEOMETRY_TOLERANCE):
-        raise LoadOutsideBody(
-            f"a load acts at {x[np.argmax(distance)]}, where there is no element: move it onto the body"
-        )
+    _check_inside(x, distance <= 0.5 + GEOMETRY_TOLERANCE)
     corner, along, _, across = np.moveaxis(basis.mesh.p[:, basis.mesh.t[:, cell]], 0, -1)  # each (k, 2)
     axes = np.stack([along - corner, across - corner], axis=-1)  # scikit-fem's first axis need not be x
-    reference = np.linalg.solve(axes, (x - corner)[:, :, None])[:, :, 0]
+    return cell, np.linalg.solve(axes, (x - corner)[:, :, None])[:, :, 0].T
+
+
+def locate_in_mesh(basis: CellBasis, x: Array) -> tuple[Index, Array]:
+    """The same as `locate_in_lattice` for convex quads of any shape, by Newton's method on the bilinear map.
+
+    A position is in the element of the nearest centre or, where that is another one, in the one it is deepest in among
+    those with a centre as near as that of an element around the position can be.
+    """
+    centres = element_centres(basis.mesh)
+    tree = cKDTree(centres)
+    cell = tree.query(x)[1]
+    elsewhere = np.flatnonzero(_depth(basis.mesh, cell, x) < 0)
+    if len(elsewhere):
+        reach = float(np.hypot(*(basis.mesh.p[:, basis.mesh.t] - centres.T[:, None])).max())
+        near = cKDTree(x[elsewhere]).sparse_distance_matrix(tree, reach, output_type="coo_matrix")
+        depth = _depth(basis.mesh, near.col, x[elsewhere[near.row]])
+        deepest_last = np.argsort(depth)
+        cell[elsewhere[near.row[deepest_last]]] = near.col[deepest_last]  # the last one stays
+    _check_inside(x, _depth(basis.mesh, cell, x) >= -GEOMETRY_TOLERANCE * shortest_side(basis.mesh))
+    # Newton's error is the square of its last step; a position outside by the tolerance is moved onto the edge
+    return cell, basis.mapping.invF(x.T[:, :, None], cell, newton_tol=10 * GEOMETRY_TOLERANCE)[:, :, 0]
+
+
+def _depth(mesh: MeshQuad, cell: Index, x: Array) -> Array:
+    """Distance (k,) of each position x (k, 2) to the nearest edge line of its convex element (k,), negative outside."""
+    corners = mesh.p[:, mesh.t[:, cell]]
+    (ax, ay), (bx, by) = np.roll(corners, -1, axis=1) - corners, x.T[:, None] - corners
+    clockwise = corner_jacobians(mesh)[0, cell] < 0
+    return np.min(np.where(clockwise, -1, 1) * (ax * by - ay * bx) / np.hypot(ax, ay), axis=0)
+
+
+def _check_inside(x: Array, inside: Mask) -> None:
+    if not inside.all():
+        raise LoadOutsideBody(f"a load acts at {x[~inside][0]}, where there is no element: move it onto the body")
+
+
+def nodal_forces(basis: CellBasis, x: Array, forces: Array, locate: Locate = locate_in_lattice) -> Array:
+    """Load vector (N,) of forces (k, 2) at positions x (k, 2), through the basis evaluated where `locate` finds them.
+
+    Raises LoadOutsideBody for a position in no element.
+    """
+    cell, reference = locate(basis, x)
     f = np.zeros(basis.N)
     for i in range(basis.Nbfun):
-        N = basis.elem.gbasis(basis.mapping, reference.T[:, :, None], i, tind=cell)[0][:, :, 0]
+        N = basis.elem.gbasis(basis.mapping, reference[:, :, None], i, tind=cell)[0][:, :, 0]
         f += np.bincount(basis.element_dofs[i, cell], np.sum(N.T * forces, axis=1), basis.N)
     return f

@@ -4,26 +4,31 @@ Afterwards an analysis is: element moduli -> K.data (one sparse product) -> fact
 checked by its residual. Stresses are ordered (xx, yy, xy, zz) on the last axis.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
-from skfem import CellBasis
+from skfem import CellBasis, MeshQuad
 from skfem.helpers import sym_grad
 from skfem.models.elasticity import lame_parameters, linear_elasticity, linear_stress, plane_stress
 from skfem.quadrature import get_quadrature
 
-from mpmtop.scene import Array, EmptyDomain, Index, Material, NotConverged, Scene
-from reference_fem.boundary import held_dofs, nodal_forces
-from reference_fem.factorise import Factorise, Solve, choose_elimination
+from mpmtop.scene import Array, Index, InvalidScene, Material, NotConverged, Scene
+from reference_fem.boundary import held_dofs, locate_in_lattice, locate_in_mesh, nodal_forces
+from reference_fem.factorise import Factorise, Solve, choose_elimination, minimum_degree_superlu
 from reference_fem.mesh import (
     ELEMENT_CENTRE,
     GEOMETRY_TOLERANCE,
+    check_mesh,
+    domain_lattice,
     element_centres,
     element_sides,
-    lattice,
+    shortest_side,
     vector_basis,
 )
+
+Eliminate = Callable[[CellBasis, Index], tuple[Index, Factorise]]  # free dofs (n,) -> in what order, and how
 
 # Largest |r.u| / f.u, the relative error of f.u to first order in the residual r. Rounding leaves 1e-12 on designs; on
 # densities drawn at random, whose void of modulus 1e-9 carries load, 1e-9 at 410,000 dofs, and refinement in double
@@ -73,33 +78,52 @@ class FemModel:
     factorise: Factorise
 
 
-def discretise(scene: Scene, size: float | tuple[float, float], order: int = 1) -> FemModel:
-    """Quads of side `size` over the bounding box of the domain, those whose centre is in the domain kept.
+def discretise(
+    scene: Scene, size: float | tuple[float, float] | None = None, order: int = 1, *, mesh: MeshQuad | None = None
+) -> FemModel:
+    """Quads of side `size` over the bounding box of the domain, those whose centre is in the domain kept; or a `mesh`.
 
     order 1 is the bilinear element, 2 the biquadratic one. Loads act through the basis at the positions that
-    `load.act` chooses among the element centres. Raises EmptyDomain, InvalidScene (size does not divide the sides),
-    LoadOutsideBody and UnsupportedBody.
+    `load.act` chooses among the element centres. A mesh of straight-sided quads is taken as it is, for the body of the
+    scene. Raises EmptyDomain, InvalidScene (size does not divide the sides; quads that are not convex or lie outside
+    the domain), LoadOutsideBody and UnsupportedBody.
     """
-    mesh = lattice(scene.domain.bounds, np.broadcast_to(np.asarray(size, float), 2))
-    keep = scene.domain.contains(element_centres(mesh))
-    if not keep.any():
-        raise EmptyDomain(f"no element of size {size} has its centre in the domain of {scene.name!r}: use smaller ones")
-    basis = vector_basis(mesh.restrict(np.flatnonzero(keep)), order)
-    centres = element_centres(basis.mesh)
-    tol = GEOMETRY_TOLERANCE * float(element_sides(basis.mesh).min())
+    if (size is None) == (mesh is None):
+        raise InvalidScene("elements: give their size or a mesh, one of the two")
+    if mesh is None:
+        mesh, locate, eliminate = domain_lattice(scene, np.broadcast_to(np.asarray(size, float), 2)), *ON_LATTICE
+    else:
+        check_mesh(scene, mesh)
+        locate, eliminate = ON_ANY_MESH
+    basis = vector_basis(mesh, order)
+    centres, tol = element_centres(mesh), GEOMETRY_TOLERANCE * shortest_side(mesh)
     positions, forces = zip(*(load.act(centres, tol) for load in scene.loads), strict=True)
-    return fem_model(scene, basis, nodal_forces(basis, np.concatenate(positions), np.concatenate(forces)))
+    f_ext = nodal_forces(basis, np.concatenate(positions), np.concatenate(forces), locate)
+    return fem_model(scene, basis, f_ext, eliminate)
 
 
-def fem_model(scene: Scene, basis: CellBasis, f_ext: Array) -> FemModel:
-    """Model of the scene's supports and material on a basis over lattice quads, under the load vector f_ext (N,)."""
-    sides = element_sides(basis.mesh)
-    held = held_dofs(scene, basis, GEOMETRY_TOLERANCE * float(sides.min()))
+def lattice_elimination(basis: CellBasis, free: Index) -> tuple[Index, Factorise]:
+    """Order (n,) of the free dofs (n,) of lattice quads by their position, and the factorisation that suits it."""
     step = basis.elem.maxdeg // 2  # dof locations per element side: 1 bilinear, 2 biquadratic
+    location = basis.doflocs[:, free].T - basis.mesh.p.min(axis=1)
+    ix = np.rint(step * location / element_sides(basis.mesh).min(axis=0)).astype(np.intp)
+    return choose_elimination(ix, _numbering(basis.N, free)[basis.element_dofs.T], step)
+
+
+def minimum_degree_elimination(basis: CellBasis, free: Index) -> tuple[Index, Factorise]:
+    """The free dofs (n,) as they are: on a mesh of any kind the factorisation finds its own order."""
+    return np.arange(len(free)), minimum_degree_superlu
+
+
+ON_LATTICE = locate_in_lattice, lattice_elimination
+ON_ANY_MESH = locate_in_mesh, minimum_degree_elimination
+
+
+def fem_model(scene: Scene, basis: CellBasis, f_ext: Array, eliminate: Eliminate = lattice_elimination) -> FemModel:
+    """Model of the scene's supports and material on a basis over quads, under the load vector f_ext (N,)."""
+    held = held_dofs(scene, basis, GEOMETRY_TOLERANCE * shortest_side(basis.mesh))
     unordered = np.flatnonzero(~held)
-    location = basis.doflocs[:, unordered].T - basis.mesh.p.min(axis=1)
-    ix = np.rint(step * location / sides.min(axis=0)).astype(np.intp)
-    order, factorise = choose_elimination(ix, _numbering(basis.N, unordered)[basis.element_dofs.T], step)
+    order, factorise = eliminate(basis, unordered)
     free = unordered[order]
     matrices, shape = unit_stiffness(basis, scene.material)
     dofs = _numbering(basis.N, free)[basis.element_dofs.T]
@@ -128,7 +152,9 @@ def unit_stiffness(basis: CellBasis, material: Material) -> tuple[Array, Index]:
     """Element stiffness at unit modulus (s, d, d) of the s distinct element shapes, and which one each has (e,).
 
     Elements that are translates of each other have equal matrices: one of them is integrated, by the Gauss rule that
-    is exact on rectangles (2 x 2 bilinear, 3 x 3 biquadratic).
+    is exact on parallelograms (2 x 2 bilinear, 3 x 3 biquadratic). On other quads the integrand is a ratio of
+    polynomials and no rule is exact. This one still integrates the area and B, the strain over it, exactly, so that
+    constant stress is reproduced, which is what convergence takes.
     """
     corners = basis.mesh.p[:, basis.mesh.t]
     edges = (corners[:, 1:] - corners[:, :1]).reshape(6, -1).T

@@ -1,4 +1,4 @@
-"""Direct solution of K u = f on a lattice: order of elimination and factorisation, by SciPy alone."""
+"""Direct solution of K u = f: order of elimination and factorisation, by SciPy alone."""
 
 from collections.abc import Callable
 
@@ -80,10 +80,17 @@ def banded_cholesky(K: sp.csc_matrix) -> Solve:
 
 def nested_superlu(K: sp.csc_matrix) -> Solve:
     """SuperLU factorisation of K (n, n), symmetric and stored in full, in the order given and without pivoting."""
+    return _superlu(K, "NATURAL")
+
+
+def minimum_degree_superlu(K: sp.csc_matrix) -> Solve:
+    """The same in an order of minimum degree that SuperLU finds itself: for a K of any pattern."""
+    return _superlu(K, "MMD_AT_PLUS_A")
+
+
+def _superlu(K: sp.csc_matrix, order: str) -> Solve:
     try:
-        factor = scipy.sparse.linalg.splu(
-            K, permc_spec="NATURAL", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
-        )
+        factor = scipy.sparse.linalg.splu(K, permc_spec=order, diag_pivot_thresh=0.0, options={"SymmetricMode": True})
     except RuntimeError as error:  # SuperLU's "Factor is exactly singular"
         raise _singular() from error
     return factor.solve

@@ -1,9 +1,9 @@
-"""Meshes of equal quads on a lattice and the displacement bases on them (scikit-fem)."""
+"""Meshes of quads, those of a lattice above all, and the displacement bases on them (scikit-fem)."""
 
 import numpy as np
 from skfem import CellBasis, ElementQuad1, ElementQuad2, ElementVector, MeshQuad
 
-from mpmtop.scene import Array, InvalidScene
+from mpmtop.scene import Array, EmptyDomain, InvalidScene, Scene
 
 GEOMETRY_TOLERANCE = 1e-9  # of the element size: far above rounding, far below any feature
 ELEMENT_CENTRE = np.array([[0.5], [0.5]])  # reference coordinates (2, 1)
@@ -29,6 +29,49 @@ def element_centres(mesh: MeshQuad) -> Array:
 def element_sides(mesh: MeshQuad) -> Array:
     """Sides (e, 2) of the axis-aligned elements along x and y."""
     return (mesh.p[:, mesh.t[2]] - mesh.p[:, mesh.t[0]]).T
+
+
+def shortest_side(mesh: MeshQuad) -> float:
+    """Length of the shortest of all sides of all elements."""
+    corners = mesh.p[:, mesh.t]
+    return float(np.hypot(*(np.roll(corners, -1, axis=1) - corners)).min())
+
+
+def corner_jacobians(mesh: MeshQuad) -> Array:
+    """Determinant of the bilinear map at the corners (4, e): of one sign in an element that is convex.
+
+    It is linear along each axis, so that it then keeps this sign throughout, positive if the corners run
+    counterclockwise.
+    """
+    corners = mesh.p[:, mesh.t]
+    (ax, ay), (bx, by) = np.roll(corners, -1, axis=1) - corners, np.roll(corners, 1, axis=1) - corners
+    return ax * by - ay * bx
+
+
+def domain_lattice(scene: Scene, size: Array) -> MeshQuad:
+    """Lattice quads of side `size` (2,) whose centre is in the domain; EmptyDomain if there is none."""
+    mesh = lattice(scene.domain.bounds, size)
+    keep = scene.domain.contains(element_centres(mesh))
+    if not keep.any():
+        raise EmptyDomain(f"no element of size {size} has its centre in the domain of {scene.name!r}: use smaller ones")
+    return mesh.restrict(np.flatnonzero(keep))
+
+
+def check_mesh(scene: Scene, mesh: MeshQuad) -> None:
+    """Raise InvalidScene if quads of the mesh are not convex, or lie outside the domain by more than a chord may."""
+    jacobians, centres = corner_jacobians(mesh), element_centres(mesh)
+    folded = jacobians.min(axis=0) * jacobians.max(axis=0) <= 0
+    if folded.any():
+        raise InvalidScene(
+            f"{np.count_nonzero(folded)} of {len(folded)} quads of the mesh are not convex, the first at "
+            f"{centres[folded][0]}: move their nodes"
+        )
+    outside = ~scene.domain.contains(centres, shortest_side(mesh))  # chords cut into a curved edge
+    if outside.any():
+        raise InvalidScene(
+            f"{np.count_nonzero(outside)} of {len(outside)} quads of the mesh lie outside the domain of "
+            f"{scene.name!r}, the first at {centres[outside][0]}: mesh the domain, or change it"
+        )
 
 
 def vector_basis(mesh: MeshQuad, order: int) -> CellBasis:

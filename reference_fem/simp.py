@@ -1,4 +1,4 @@
-"""Density-based optimisation on a finite element model: filter, SIMP, objective and gradient."""
+"""Density-based optimisation on a finite element model: design, SIMP, objective and gradient."""
 
 import hashlib
 from dataclasses import dataclass
@@ -7,11 +7,16 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 from scipy.spatial import cKDTree
+from skfem import MeshQuad
 
-from mpmtop.scene import Array, InvalidScene, Scene
+from mpmtop.scene import Array, InvalidScene, LoadOutsideBody, Mask, PointLoad, Scene
+from reference_fem.design import DesignSpace, design_space
 from reference_fem.elasticity import FemModel, discretise, inverse_stiffness, unit_work
 from reference_fem.factorise import Solve
+from reference_fem.mesh import GEOMETRY_TOLERANCE, shortest_side
 from reference_fem.objectives import STRESS_POSITIONS, Objective, StressPosition, objective
+
+VOLUME_ROUNDING = 1e-12  # of the volume: sums of areas
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,20 +36,43 @@ class Evaluation:
 
 @dataclass(frozen=True, eq=False)
 class DesignProblem:
-    """Minimise the scene's objective over the design (e,) at a volume of at most `volume_fraction` of the body.
+    """Minimise the scene's objective over the design (a,) at a volume of at most `volume_fraction` of the body.
 
-    rho = H design, E = E(rho) by SIMP, K(E) u = f, g = sum(area rho) / (volume_fraction sum(area)) - 1 <= 0. A stress
-    objective takes stresses at the element centres or the Gauss points.
+    rho = H design + fixed, E = E(rho) by SIMP, K(E) u = f, g = sum(area rho) / (volume_fraction sum(area)) - 1 <= 0.
+    A stress objective takes stresses at the element centres or the Gauss points.
+
+    Elements in the scene's passive regions have density 1 or 0 and leave the design: a variables for e elements. Solid
+    ones count in the first sum, void ones in neither. The filter takes passive elements as absent, or averages them
+    with the others (`filter_passive`). Raises InvalidScene, EmptyDomain or LoadOutsideBody where passive regions
+    leave no feasible design, none at all, or a load without material.
     """
 
     scene: Scene
     model: FemModel
-    H: sp.csr_matrix
     stress_at: StressPosition = "centre"
+    filter_passive: bool = False
 
     def __post_init__(self) -> None:
         if self.stress_at not in STRESS_POSITIONS:
             raise InvalidScene(f"stress at {self.stress_at!r}: say one of {', '.join(STRESS_POSITIONS)}")
+        least = self.model.area @ (self.H @ self.lower + self.space.fixed) / self._volume_bound
+        if least > 1 + VOLUME_ROUNDING:
+            fraction = self.scene.volume_fraction
+            raise InvalidScene(
+                f"passive solid, with rho_min elsewhere, is {least * fraction:.4f} of the volume and volume_fraction "
+                f"{fraction}: raise it, or shrink passive_solid"
+            )
+        _check_loads(self.scene, self.model, self.space.void)
+
+    @cached_property
+    def space(self) -> DesignSpace:
+        """Which elements are design variables, and the filter."""
+        return design_space(self.scene, self.model.centres, self.model.area, self.filter_passive)
+
+    @property
+    def H(self) -> sp.csr_matrix:
+        """Density filter (e, a), with empty rows for passive elements."""
+        return self.space.H
 
     @cached_property
     def objective(self) -> Objective:
@@ -53,41 +81,58 @@ class DesignProblem:
 
     @property
     def x0(self) -> Array:
-        """Uniform design (e,) at the volume fraction."""
-        return np.full(len(self.model.area), self.scene.volume_fraction)
+        """Uniform design (a,) that meets the volume constraint: the volume fraction if nothing is passive."""
+        a = len(self.space.active)
+        if a == len(self.model.area):
+            return np.full(a, self.scene.volume_fraction)
+        area = self.model.area
+        uniform = (self._volume_bound - area @ self.space.fixed) / (area @ (self.H @ np.ones(a)))
+        return np.full(a, np.clip(uniform, self.scene.rho_min, 1))
 
     @property
     def lower(self) -> Array:
-        """rho_min everywhere (e,)."""
-        return np.full(len(self.model.area), self.scene.rho_min)
+        """rho_min everywhere (a,)."""
+        return np.full(len(self.space.active), self.scene.rho_min)
 
     @property
     def upper(self) -> Array:
-        """One everywhere (e,)."""
-        return np.ones(len(self.model.area))
+        """One everywhere (a,)."""
+        return np.ones(len(self.space.active))
+
+    @cached_property
+    def _volume_bound(self) -> float:
+        return self.scene.volume_fraction * self.model.area[~self.space.void].sum()
 
     @property
     def fingerprint(self) -> str:
-        """Hash of all that decides the numbers: the scene, the element type, where stress is taken, every element."""
-        basis = self.model.basis
+        """Hash of all that decides the numbers: scene, element type, where stress is taken, elements, passive ones."""
+        basis, space = self.model.basis, self.space
         digest = hashlib.sha256(repr((self.scene, basis.Nbfun, self.stress_at)).encode())
         digest.update(basis.mesh.p[:, basis.mesh.t].tobytes())
+        if len(space.active) < len(self.model.area):
+            for array in (space.solid, space.void, space.fixed):  # the last one or H tells the filters apart
+                digest.update(array.tobytes())
+            digest.update(self.H.data.tobytes())
         return digest.hexdigest()
 
     def evaluate(self, x: Array) -> Evaluation:
-        """Objective and constraint of the design x (e,): one factorisation, one solve, no derivative."""
-        return self.analyse(self.H @ x)
+        """Objective and constraint of the design x (a,): one factorisation, one solve, no derivative."""
+        return self.analyse(self.H @ x + self.space.fixed)
 
     def analyse(self, rho: Array) -> Evaluation:
-        """Objective and constraint of physical densities rho (e,), of whatever origin."""
+        """Objective and constraint of physical densities rho (e,), of whatever origin, at passive elements, too."""
+        if np.shape(rho) != self.model.area.shape:
+            raise ValueError(
+                f"densities of shape {np.shape(rho)} for {len(self.model.area)} elements: give one for each"
+            )
         inverse = inverse_stiffness(self.model, simp(rho, self.scene)[0])
         u = inverse(self.model.f_ext)
-        volume = self.model.area @ rho / (self.scene.volume_fraction * self.model.area.sum())
+        volume = self.model.area @ rho / self._volume_bound
         return Evaluation(rho, u, self.objective.value(rho, u), np.array([volume - 1]), inverse)
 
     def gradient(self, evaluation: Evaluation) -> tuple[Array, Array]:
-        """Derivatives by the design: df0 = H^T dJ/drho (e,) and dg (1, e); no further factorisation."""
-        dg = self.H.T @ self.model.area / (self.scene.volume_fraction * self.model.area.sum())
+        """Derivatives by the design: df0 = H^T dJ/drho (a,) and dg (1, a); no further factorisation."""
+        dg = self.H.T @ self.model.area / self._volume_bound
         return self.H.T @ self.density_gradient(evaluation), dg[None]
 
     def density_gradient(self, evaluation: Evaluation) -> Array:
@@ -97,28 +142,35 @@ class DesignProblem:
         return by_rho - simp(rho, self.scene)[1] * unit_work(self.model, adjoint, u)
 
 
+def _check_loads(scene: Scene, model: FemModel, void: Mask) -> None:
+    """Raise LoadOutsideBody if a load acts at the centre of an element of passive void (e,)."""
+    if not void.any():
+        return
+    tol = GEOMETRY_TOLERANCE * shortest_side(model.basis.mesh)
+    centres = cKDTree(model.centres[void])
+    for load in scene.loads:
+        if isinstance(load, PointLoad) and load.points == 0:
+            continue  # no element carries it, and the scene has looked at its position
+        if np.any(centres.query(load.act(model.centres, tol)[0])[0] <= tol):
+            raise LoadOutsideBody(f"passive void would carry a part of {load}: move it, or lower its `points`")
+
+
 def design_problem(
-    scene: Scene, size: float | tuple[float, float], order: int = 1, stress_at: StressPosition = "centre"
+    scene: Scene,
+    size: float | tuple[float, float] | None = None,
+    order: int = 1,
+    stress_at: StressPosition = "centre",
+    *,
+    mesh: MeshQuad | None = None,
+    filter_passive: bool = False,
 ) -> DesignProblem:
-    """The scene's problem on elements of side `size`, bilinear (order 1) or biquadratic (2), one density for each.
+    """The scene's problem on elements of side `size`, or on a `mesh`, with one density for each element.
 
-    A stress objective takes stresses at the element centres, one for each density as for each material point, or at
-    the Gauss points, averaged in the p-norm.
+    They are bilinear (order 1) or biquadratic (2). A stress objective takes stresses at the element centres, one for
+    each density as for each material point, or at the Gauss points, averaged in the p-norm; every element counts once,
+    whatever its size. Raises as `discretise` and `DesignProblem`.
     """
-    model = discretise(scene, size, order)
-    return DesignProblem(scene, model, density_filter(model.centres, model.area, scene.filter_radius), stress_at)
-
-
-def density_filter(x: Array, volume: Array, radius: float) -> sp.csr_matrix:
-    """Filter H (p, p), H_ij ~ volume_j max(0, radius - |x_i - x_j|) with rows of sum one, for points x (p, 2).
-
-    A radius below the spacing gives the identity. Its adjoint is the transpose. Source: Bruns and Tortorelli, Comput.
-    Methods Appl. Mech. Engng 190 (2001) 3443.
-    """
-    tree = cKDTree(x)
-    pairs = tree.sparse_distance_matrix(tree, radius, output_type="coo_matrix")
-    cone = sp.csr_matrix(((radius - pairs.data) * volume[pairs.col], (pairs.row, pairs.col)), shape=pairs.shape)
-    return sp.diags(1 / cone.sum(axis=1).A1) @ cone
+    return DesignProblem(scene, discretise(scene, size, order, mesh=mesh), stress_at, filter_passive)
 
 
 def simp(rho: Array, scene: Scene) -> tuple[Array, Array]:

@@ -30,10 +30,11 @@ from mpmtop.scene import (
 )
 from reference_fem import elasticity, factorise
 from reference_fem.boundary import nodal_forces
+from reference_fem.design import density_filter
 from reference_fem.elasticity import discretise, gauss_points, solve, stress, unit_work, von_mises
 from reference_fem.mesh import lattice, vector_basis
 from reference_fem.reanalyse import build_judge, owners, reanalyse
-from reference_fem.simp import DesignProblem, Evaluation, density_filter, design_problem, simp
+from reference_fem.simp import DesignProblem, Evaluation, design_problem, simp
 
 Plane = Literal["strain", "stress"]
 LEFT = Support(Rectangle((0, -np.inf), (0, np.inf)))
