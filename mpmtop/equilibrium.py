@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from mpmtop.ghost import GhostPenalty, ghost_penalty
 from mpmtop.grid import Grid
 from mpmtop.linear_solver import SingularMatrix, Solve, Solver, choose_solver
 from mpmtop.material import tangent
@@ -26,6 +27,7 @@ class Model:
     transfer: Transfer
     D: Array  # tangent at unit modulus (3, 3)
     f_ext: Array  # (2a,), supported degrees of freedom included
+    ghost: GhostPenalty
     stiffness: Stiffness
     solver: Solver
 
@@ -34,7 +36,7 @@ class Model:
         return moduli[:, None] * (strain @ self.D)
 
     def internal_force(self, stress: Array) -> Array:
-        """f_int = sum_p V_p B_p^T sigma_p, (2a,)."""
+        """f_int = sum_p V_p B_p^T sigma_p, (2a,), of the points; a ghost penalty adds its own `force`."""
         return self.transfer.B.T @ (self.points.volume[:, None] * stress).ravel()
 
 
@@ -59,12 +61,14 @@ def discretise(
     *,
     points: MaterialPoints | None = None,
     grid: Grid | None = None,
+    ghost: float = 0.0,
     solver: Callable[[int, Index, Index], Solver] = choose_solver,
 ) -> Model:
     """Discretise `scene` by cells of size h (hx, hy) with ppc (nx, ny) points per cell and direction.
 
     `points` replaces the seeded points, `grid` the grid laid around them with a line on the domain's lower left corner,
-    `solver` the choice of solver by size. Raises EmptyDomain, PointOutsideGrid, LoadOutsideBody or UnsupportedBody.
+    `solver` the choice of solver by size. `ghost` is gamma of the ghost penalty, see `mpmtop.ghost`: zero for none;
+    tent and GIMP only. Raises EmptyDomain, PointOutsideGrid, LoadOutsideBody or UnsupportedBody.
     """
     hx, hy = (float(s) for s in np.broadcast_to(h, 2))
     if points is None:
@@ -81,12 +85,14 @@ def discretise(
     f_ext = external_force(scene, grid, points, operators)
     held = held_dofs(scene, position, tol=1e-9 * min(hx, hy))
     D = tangent(scene.material)
-    K = stiffness(grid, points, operators, D, held)
+    penalty = ghost_penalty(ghost, grid, points, operators, shape_function)
+    K = stiffness(grid, points, operators, D, held, penalty)
     if not np.any(f_ext[K.dof]):
         raise LoadOutsideBody(
             "the loads act on held nodes only: move them away from the supports, or make them nonzero"
         )
-    return Model(scene, grid, points, shape_function, operators, D, f_ext, K, solver(len(K.dof), K.row, K.col))
+    chosen = solver(len(K.dof), K.row, K.col)
+    return Model(scene, grid, points, shape_function, operators, D, f_ext, penalty, K, chosen)
 
 
 def external_force(scene: Scene, grid: Grid, points: MaterialPoints, operators: Transfer) -> Array:
@@ -143,7 +149,8 @@ def equilibrium(model: Model, moduli: Array, *, tol: float = 1e-9, max_steps: in
     for step in range(1, max_steps + 1):
         u[free] += solve(residual)
         strain = model.transfer.strain(u)
-        residual = (model.f_ext - model.internal_force(model.stress(moduli, strain)))[free]
+        f_int = model.internal_force(model.stress(moduli, strain)) + model.ghost.force(moduli, u)
+        residual = (model.f_ext - f_int)[free]
         relative = float(np.linalg.norm(residual) / f_norm)
         if relative <= tol:
             return Equilibrium(moduli, u, strain, solve, step, relative)

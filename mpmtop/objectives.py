@@ -42,12 +42,12 @@ def compliance(model: Model, state: Equilibrium) -> float:
 
 
 def compliance_gradient(model: Model, state: Equilibrium) -> Array:
-    """dJ1/dE_p = -V_p eps_p . D eps_p, (p,): Eq. (16) before the chain rule through SIMP.
+    """dJ1/dE_p = -V_p eps_p . D eps_p, (p,), and a ghost penalty's part: Eq. (16) before the chain rule through SIMP.
 
     From L = J + lambda.(f_ext - f_int(u)): dL/du = 0 gives K lambda = dJ/du = f_ext, so lambda = u (self-adjoint, no
     further solve) and dJ1/dE_p = -u . dK/dE_p u.
     """
-    return _by_moduli(model, state.strain, state.strain)
+    return _by_moduli(model, state, state.u, state.strain)
 
 
 def p_norm_stress(model: Model, state: Equilibrium, rho: Array, *, p: float, q: float) -> float:
@@ -77,12 +77,13 @@ def p_norm_stress_gradient(model: Model, state: Equilibrium, rho: Array, *, p: f
     adjoint = np.zeros_like(state.u)
     free = model.stiffness.dof
     adjoint[free] = state.solve((model.transfer.B.T @ by_strain.ravel())[free])
-    return explicit, _by_moduli(model, model.transfer.strain(adjoint), state.strain)
+    return explicit, _by_moduli(model, state, adjoint, model.transfer.strain(adjoint))
 
 
-def _by_moduli(model: Model, adjoint_strain: Array, strain: Array) -> Array:
-    """dJ/dE_p = -V_p eps_p(lambda) . D eps_p(u), (p,)."""
-    return -model.points.volume * np.sum(adjoint_strain @ model.D * strain, axis=1)
+def _by_moduli(model: Model, state: Equilibrium, adjoint: Array, adjoint_strain: Array) -> Array:
+    """dJ/dE_p = -lambda . dK/dE_p u = -V_p eps_p(lambda) . D eps_p(u) - the ghost penalty's work, (p,)."""
+    by_strain = -model.points.volume * np.sum(adjoint_strain @ model.D * state.strain, axis=1)
+    return by_strain - model.ghost.work(adjoint, state.u)
 
 
 def _solid_von_mises(model: Model, state: Equilibrium) -> tuple[Array, Array]:

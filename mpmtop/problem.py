@@ -175,6 +175,7 @@ def plan(problem: DesignProblem) -> str:
         f"unknowns: {len(model.stiffness.dof)}; {held} degrees of freedom are held and never assembled",
         f"stencil ({model.shape_function.__name__}): {np.mean(touched):.2f} nodes for a point on average; "
         f"{np.count_nonzero(touched <= 4)} of {p} points need no more than the 4 of their own cell",
+        f"ghost faces: {_ghost_plan(model)}",
         f"stiffness: {model.stiffness.data_map.shape[0]} entries of the lower triangle, one sparse product each",
         f"solver: {type(model.solver).__name__}, one factorisation for a design",
         "Newton: one step, the scene is linear; the tangent of a further one would be the same",
@@ -185,3 +186,13 @@ def plan(problem: DesignProblem) -> str:
         f"filter: {problem.filter.matrix.nnz} weights, built once",
     ]
     return "\n".join(lines)
+
+
+def _ghost_plan(model: Model) -> str:
+    ghost = model.ghost
+    faces = ghost.modulus.shape[0]
+    if ghost.gamma == 0:
+        return "skipped, the ghost penalty is off"
+    if faces == 0:
+        return f"skipped, none of the {ghost.between} between two cells of the body has a cut cell beside it"
+    return f"{faces} of {ghost.between} between two cells of the body have a cut cell beside them"
