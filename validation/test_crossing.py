@@ -33,7 +33,7 @@ COLUMNS = (1, 10, 30)
 """Cell boundaries, from the clamp, over which one column is moved."""
 EPS = 1e-4
 """Distance [h] from a crossing on either side of it."""
-SHIFTS = (0.0, EPS, 0.25 - EPS, 0.25 + EPS, 0.5, 0.65, 0.75 - EPS)
+SHIFTS = (0.0, EPS, 0.25 - EPS, 0.25 + EPS, 0.5, 0.75 - EPS)
 DIRECTIONS = {"x": (1.0, 0.0), "y": (0.0, 1.0), "diagonal": (1.0, 1.0)}
 EXACT: dict[str, tuple[ShapeFunction, int, int]] = {
     "standard": (tent, 1, 2),
@@ -171,12 +171,15 @@ def test_shift_of_the_body(report: Report, lock: Lock, uniform: MaterialPoints, 
         steps[name, "x", 0.25 + EPS].tip / steps[name, "x", 0.25 - EPS].tip - 1 for name in ("standard", "GIMP")
     )
     jump = report.check(
-        "all columns at once, shift in x: jump of the tip displacement at 0.25 h, standard",
+        "jump of the tip displacement as all columns cross, shift in x, standard",
         tent_x,
         source="not stated there",
     )
     smaller = report.check(
-        "the same, GIMP over standard", gimp_x / tent_x, at_most=0.05, source="Sect. 2.2: GIMP mitigates"
+        "jump of the tip displacement as all columns cross, GIMP over standard",
+        gimp_x / tent_x,
+        at_most=0.05,
+        source="Sect. 2.2: GIMP mitigates",
     )
     report.check(
         "largest condition number of the stiffness, all shifts and shape functions",
@@ -184,12 +187,12 @@ def test_shift_of_the_body(report: Report, lock: Lock, uniform: MaterialPoints, 
         source="small cuts",
     )
     sound = report.check(
-        "the same, scaled by the diagonal",
+        "largest condition number of the stiffness scaled by its diagonal, all shifts and shape functions",
         max(step.condition.scaled for step in steps.values()),
         at_most=1e6,  # 4e4 unshifted
         source="our bound: small cuts are a matter of scaling",
     )
-    lock({f"{name}, {d}, {s:g}": steps[name, d, s].tip for name, d, s in steps if s in (0.0, 0.65)}, rtol=RTOL_ANALYSIS)
+    lock({f"{name}, {d}, {s:g}": steps[name, d, s].tip for name, d, s in steps if s in (0.0, 0.5)}, rtol=RTOL_ANALYSIS)
     assert jump and smaller and sound
 
 
