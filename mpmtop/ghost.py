@@ -7,8 +7,9 @@ cut, a jump of the normal derivative of the grid's bilinear function is given an
     sum_F E_F gamma (h_n / 3) int_F [[d_n u]] . [[d_n v]] ds,
 
 with h_n the cell size across the face. A linear field has no jump, whatever the cut. E_F, the mean of the moduli in the
-two cells by volume, keeps K linear in the point moduli. With gamma = 0.01 the condition number is that of the uncut
-body to a factor of two, however small the cut; from 0.1 on the penalty stiffens a curved boundary noticeably.
+two cells by volume, keeps K linear in the point moduli. With gamma = 0.01 the condition number of a cantilever cut
+along its edges is that of the uncut one to a factor of two, however small the cut (see the tests). What hangs on the
+rest of the body by such faces only is as stiff as gamma makes it.
 
 Sources: Burman (2010), C. R. Math. 348:1217; W. M. Coombs (2023), Int. J. Numer. Meth. Engng, doi 10.1002/nme.7332.
 Those who follow Sticko, Ludvigsson and Kreiss (2020), Adv. Comput. Math. 46:45, scale it by h^3 / 3, as the mass; the

@@ -107,10 +107,13 @@ class Quadtree:
     def refine(self, leaves: Mask | Index) -> "Quadtree":
         """Each of the leaves, by mask (n,) or list of numbers, cut into its four children, in its place."""
         split = np.zeros(len(self.level), dtype=bool)
+        chosen = np.asarray(leaves)
+        if chosen.ndim != 1 or (chosen.dtype != bool and np.any(np.less(chosen, 0))):
+            raise ValueError(f"leaves to refine: give a mask ({len(split)},) or numbers from 0 to below it")
         try:
-            split[leaves] = True
+            split[chosen] = True
         except IndexError as error:
-            raise ValueError(f"leaves to refine: give a mask ({len(split)},) or numbers below it") from error
+            raise ValueError(f"leaves to refine: give a mask ({len(split)},) or numbers from 0 to below it") from error
         count = np.where(split, 4, 1)
         divided = np.repeat(split, count)
         level = np.repeat(self.level, count) + divided

@@ -11,6 +11,15 @@ from mpmtop.equilibrium import Equilibrium, Model
 from mpmtop.scene import Array
 
 
+CERTAIN = 1e14
+"""Beyond this no digit of a condition number is certain."""
+
+
+def shown(number: float) -> float:
+    """A condition number for a report: its power of ten where no digit is certain."""
+    return number if number < CERTAIN else float(f"{number:.0e}")
+
+
 class Condition(NamedTuple):
     """Largest over smallest eigenvalue of K, and of D^-1/2 K D^-1/2 with D the diagonal of K (Jacobi)."""
 

@@ -1,8 +1,8 @@
 """Induced cell crossing: families of displacements that move material points over cell boundaries, before the analysis.
 
 The paper moves points in x and says neither how far nor which. Every family moves in x only; volumes and half-lengths
-stay. `uniform` moves the body as a whole; the others keep its outline: a point whose domain would leave the body stays,
-so that no cell outside is cut. Distances in units of the cell size H = 1.
+stay. `Uniform` moves the body as a whole; the others keep its outline: a point whose domain could leave the body does
+not move, so that no cell outside is cut. Distances in units of the cell size H = 1.
 """
 
 from dataclasses import dataclass
@@ -62,7 +62,8 @@ class Wave:
     amplitude: float = 0.26
 
     def __call__(self, points: MaterialPoints, body: Region) -> MaterialPoints:
-        return moved_inside(points, self.amplitude * np.sin(2 * np.pi * points.x[:, 0] / (self.period * H)), body)
+        distance = self.amplitude * np.sin(2 * np.pi * points.x[:, 0] / (self.period * H))
+        return moved_inside(points, distance, body)
 
     def __str__(self) -> str:
         return f"wave({self.period:g}, {self.amplitude:g})"
@@ -70,32 +71,36 @@ class Wave:
 
 @dataclass(frozen=True)
 class Jitter:
-    """Every point by an independent, uniformly distributed distance of at most `amplitude`."""
+    """Every point by an independent, uniformly distributed distance of at most `amplitude`, but those nearer to an end:
+    had they only one way to go, the ends would move inwards on average."""
 
     amplitude: float
     seed: int = 0
 
     def __call__(self, points: MaterialPoints, body: Region) -> MaterialPoints:
         distance = np.random.default_rng(self.seed).uniform(-self.amplitude, self.amplitude, len(points.x))
-        return moved_inside(points, distance, body)
+        return moved_inside(points, distance, body, reach=self.amplitude)
 
     def __str__(self) -> str:
         return f"jitter({self.amplitude:g})"
 
 
-def moved_inside(points: MaterialPoints, distance: Array, body: Region) -> MaterialPoints:
-    """Points moved in x by distance (p,) H; those whose domain would leave the body stay where they are."""
-    shift = np.outer(distance, [H, 0.0])
-    edges = (points.x + shift + side * points.half_length * (1.0, 0.0) for side in (-1, 1))
-    stays = np.logical_and(*(body.contains(edge, 1e-9 * H) for edge in edges))
-    return points.moved(np.where(stays[:, None], shift, 0.0))
+def moved_inside(points: MaterialPoints, distance: Array, body: Region, reach: float = 0.0) -> MaterialPoints:
+    """Points moved in x by distance (p,) H, but those whose domain would leave the body there, or `reach` H either way.
+
+    Looked at are the middles of the domain's left and right sides.
+    """
+    sides = points.half_length[:, 0]
+    edges = (points.x + np.outer(way * (sides + H * np.maximum(way * distance, reach)), [1.0, 0.0]) for way in (-1, 1))
+    free = np.logical_and(*(body.contains(edge, 1e-9 * H) for edge in edges))
+    return points.moved(np.outer(np.where(free, distance, 0.0), [H, 0.0]))
 
 
 def integrated_exactly(lower: Array, upper: Array, pieces: int, n: int) -> MaterialPoints:
     """n x n Gauss points in each of `pieces` x `pieces` equal parts of every cell, or what the body has of it.
 
-    Stiffness is then exact for functions that are polynomials of degree n at most on the parts: what is left between
-    this and material points on the same body is their quadrature.
+    Stiffness is then exact for functions that are polynomials of degree n - 1 at most on the parts: what is left
+    between this and material points on the same body is their quadrature.
     """
     nodes, weights = np.polynomial.legendre.leggauss(n)
     positions, widths = [], []

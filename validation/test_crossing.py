@@ -18,12 +18,12 @@ from mpmtop.equilibrium import Equilibrium, Model, discretise, equilibrium
 from mpmtop.points import MaterialPoints, seed
 from mpmtop.scene import Array, Scene, UnsupportedBody
 from mpmtop.shape_functions import ShapeFunction, bspline2, bspline3, tent
-from reference_fem import elasticity
 from reference_fem.reanalyse import Judge, build_judge
-from validation.conditioning import Condition, condition
+from validation.conditioning import Condition, condition, shown
 from validation.conftest import Lock
 from validation.crossing import integrated_exactly
 from validation.methods import SHAPE_FUNCTIONS
+from validation.reference import reference_stress, tensor_norm
 from validation.report import Report
 from validation.scenes import SPACING, H, cantilever, extended_cantilever
 
@@ -33,7 +33,7 @@ COLUMNS = (1, 10, 30)
 """Cell boundaries, from the clamp, over which one column is moved."""
 EPS = 1e-4
 """Distance [h] from a crossing on either side of it."""
-SHIFTS = (0.0, EPS, 0.25 - EPS, 0.25 + EPS, 0.5, 0.75 - EPS)
+SHIFTS = (0.0, EPS, 0.25 - EPS, 0.25 + EPS, 0.5 - EPS, 0.5 + EPS, 0.75 - EPS)
 DIRECTIONS = {"x": (1.0, 0.0), "y": (0.0, 1.0), "diagonal": (1.0, 1.0)}
 EXACT: dict[str, tuple[ShapeFunction, int, int]] = {
     "standard": (tent, 1, 2),
@@ -88,7 +88,7 @@ def test_one_column(report: Report, lock: Lock, uniform: MaterialPoints) -> None
 
     The column of points on the left of a cell boundary is moved from 0.2499 h to 0.2501 h: over the boundary, by
     nothing. With the tent one cell now misses half of its stiffness and the next has half as much too much, at once;
-    the strain in the weakened cell doubles. GIMP's and the B-splines' functions do not notice the boundary.
+    the strain in the weakened cell nearly doubles. GIMP's and the B-splines' functions do not notice the boundary.
     """
     rows: dict[str, dict[str, float]] = {}
     for name, function in SHAPE_FUNCTIONS.items():
@@ -106,15 +106,15 @@ def test_one_column(report: Report, lock: Lock, uniform: MaterialPoints) -> None
     )
     jump = report.check(
         "largest jump of the tip displacement by one column, standard",
-        max(rows["standard"].values()),
+        max(map(abs, rows["standard"].values())),
         at_least=0.01,
-        source="Sect. 2.2: discontinuity of the shape function's gradient",
+        source="our test of Sect. 2.2: its gradient is discontinuous",
     )
     smooth = report.check(
         "largest jump of the tip displacement by one column, all others",
-        max(max(row.values()) for name, row in rows.items() if name != "standard"),
+        max(max(map(abs, row.values())) for name, row in rows.items() if name != "standard"),
         at_most=1e-4,  # what 2e-4 h of mere motion can do
-        source="Sect. 2.2: smoother functions mitigate",
+        source="our test of Sect. 2.2: smoother functions mitigate",
     )
     lock({f"standard, {boundary}": value for boundary, value in rows["standard"].items()}, rtol=1e-6)
     assert jump and smooth
@@ -136,25 +136,19 @@ def stress_error(analysis: Analysis, exact: Array, body: Array) -> float:
     """
     inner = (body[:, 0] > 4 * H) & (body[:, 0] < 36 * H)
     difference = analysis.model.stress(np.ones(len(body)), analysis.state.strain) - exact
-    return float(np.sqrt(np.sum(difference[inner] ** 2) / np.sum(exact[inner] ** 2)))
+    return tensor_norm(difference[inner]) / tensor_norm(exact[inner])
 
 
-def reference_stress(judge: Judge) -> Array:
-    """Stress (p, 3) of the solid body at the points' places, by the fine reference."""
-    verdict = judge(np.ones(judge.points))
-    sigma = elasticity.stress(judge.model, verdict.u, np.ones(len(judge.owner)))[:, 0, :3]
-    return sigma[np.argsort(judge.owner)]
-
-
-def test_shift_of_the_body(report: Report, lock: Lock, uniform: MaterialPoints, judge: Judge) -> None:
+def test_shift_of_the_body(report: Report, lock: Lock, uniform: MaterialPoints) -> None:
     """The body moved as a whole: in x, in y, along the diagonal
 
-    Shifts from 0 to 0.75 h with 1e-4 h on both sides of every event: domains of GIMP leave their cells from 0 on,
-    points cross at 0.25 h, domains fill two cells evenly at 0.5 h, the next points cross at 0.75 h. A shift in x also
-    moves the load away from the clamp and opens a gap at it; a shift in y moves along the clamp and leaves the lever
-    arm as it is.
+    Shifts from 0 to 0.75 h with 1e-4 h on both sides of the events between: domains of GIMP leave their cells from 0
+    on, points cross at 0.25 h, domains fill two cells evenly at 0.5 h, the next points cross at 0.75 h (beyond it, see
+    below). A shift in x also moves the load away from the clamp and opens a gap at it; a shift in y moves along the
+    clamp and leaves the lever arm as it is. B-splines end with the last cell that holds a point, so that they, too,
+    change by a jump when the end of the body crosses, if a small one.
     """
-    exact = reference_stress(judge)
+    exact = reference_stress(uniform)
     steps: dict[tuple[str, str, float], Step] = {}
     for name, function in SHAPE_FUNCTIONS.items():
         for s, (direction, along) in product(SHIFTS, DIRECTIONS.items()):
@@ -167,23 +161,24 @@ def test_shift_of_the_body(report: Report, lock: Lock, uniform: MaterialPoints, 
             )
     draw_shift(report, steps)
     tabulate_shift(report, steps)
-    tent_x, gimp_x = (
-        steps[name, "x", 0.25 + EPS].tip / steps[name, "x", 0.25 - EPS].tip - 1 for name in ("standard", "GIMP")
-    )
-    jump = report.check(
-        "jump of the tip displacement as all columns cross, shift in x, standard",
-        tent_x,
-        source="not stated there",
-    )
+    jumps = {
+        name: {
+            f"shift in {d}" if d in "xy" else d: steps[name, d, 0.25 + EPS].tip / steps[name, d, 0.25 - EPS].tip - 1
+            for d in DIRECTIONS
+        }
+        for name in SHAPE_FUNCTIONS
+    }
+    table = pd.DataFrame.from_dict(jumps, orient="index").rename_axis("shape function")
+    report.table("jumps", table, "Relative jump of the tip displacement as all columns or rows cross at 0.25 h.", 2)
     smaller = report.check(
-        "jump of the tip displacement as all columns cross, GIMP over standard",
-        gimp_x / tent_x,
-        at_most=0.05,
-        source="Sect. 2.2: GIMP mitigates",
+        "jump of the tip displacement as all columns cross, largest of the others over standard",
+        max(abs(jumps[name]["shift in x"]) for name in jumps if name != "standard") / jumps["standard"]["shift in x"],
+        at_most=0.1,
+        source="our test of Sect. 2.2: smoother functions mitigate",
     )
     report.check(
         "largest condition number of the stiffness, all shifts and shape functions",
-        float(f"{max(step.condition.plain for step in steps.values()):.0e}"),  # beyond 1e16 no digit is certain
+        shown(max(step.condition.plain for step in steps.values())),
         source="small cuts",
     )
     sound = report.check(
@@ -192,8 +187,11 @@ def test_shift_of_the_body(report: Report, lock: Lock, uniform: MaterialPoints, 
         at_most=1e6,  # 4e4 unshifted
         source="our bound: small cuts are a matter of scaling",
     )
-    lock({f"{name}, {d}, {s:g}": steps[name, d, s].tip for name, d, s in steps if s in (0.0, 0.5)}, rtol=RTOL_ANALYSIS)
-    assert jump and smaller and sound
+    lock(
+        {f"{name}, {d}, {s:g}": steps[name, d, s].tip for name, d, s in steps if s in (0.0, 0.5 + EPS)},
+        rtol=RTOL_ANALYSIS,
+    )
+    assert smaller and sound
 
 
 def draw_shift(report: Report, steps: dict[tuple[str, str, float], Step]) -> None:
@@ -225,7 +223,7 @@ def tabulate_shift(report: Report, steps: dict[tuple[str, str, float], Step]) ->
             (name, direction, s): {
                 "tip / unshifted": step.tip / steps[name, direction, 0.0].tip,
                 "stress error": step.stress_error,
-                "condition": step.condition.plain,
+                "condition": shown(step.condition.plain),
                 "condition, scaled": step.condition.scaled,
             }
             for (name, direction, s), step in steps.items()
@@ -253,16 +251,16 @@ def timoshenko(length: float) -> float:
 def test_error_split(report: Report, lock: Lock, uniform: MaterialPoints, judge: Judge) -> None:
     """Where the error of a shifted body comes from
 
-    The tip displacement of the body shifted by 0.26 h in x, factor by factor. **Grid**: bilinear finite elements on
-    the background grid (material points at the Gauss points) over the fine reference. **Quadrature**: uniform
+    The tip displacement of the body shifted by 0.26 h in x, factor by factor. **Grid**: the functions on the background
+    grid, integrated exactly (with the tent, bilinear finite elements), over the fine reference. **Quadrature**: uniform
     points over exact integration of the same functions. **Lever arm**: 0.26 h more length, by Timoshenko's beam.
     **Cut**: the rest of what exact integration of the shifted body sees, the gap at the clamp and the partly filled
     cells. **Crossing inside**: the extended body, which lies the same way on clamp and load at any shift, so that only
     its points move over the grid. **Crossing at the ends**: the rest.
 
-    Inside a body a uniform shift changes little, and may well stiffen: every cell still holds as many points, in other
-    places. The rise of the tip displacement comes from the ends. In the clamped cell one column of two is left, for
-    three quarters of its material: that is what crossing means there, and no smoother function replaces the material.
+    Inside a body a uniform shift changes little: every cell still holds as many points, in other places. With the tent
+    the rise that is not lever arm or cut comes from the ends: in the clamped cell one column of two is left, for three
+    quarters of its material. The other functions do not lose that column; their rise is lever arm and cut.
     """
     s = 0.26
     shift = np.array([s * H, 0.0])
@@ -307,7 +305,8 @@ def test_beyond_the_clamp(report: Report, uniform: MaterialPoints) -> None:
     """Further than 0.75 h
 
     Shifted by 0.76 h in x, no point is left in the cells at the clamp: with the tent nothing holds the body, and the
-    analysis says so. Wider functions still reach the clamp's nodes, by a hair: the body hangs on those.
+    analysis says so. The B-splines end with the last cell that holds a point and do not reach the clamp either. GIMP's
+    domains do, by a hair: the body hangs on that.
     """
     outcomes: dict[str, str | float] = {}
     for name, function in SHAPE_FUNCTIONS.items():

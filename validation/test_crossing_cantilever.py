@@ -1,16 +1,16 @@
 """Cell crossing: cantilever (Figs. 12, 13)
 
-Compliance with induced crossing. The paper shifts points in x by amounts it does not give. Here four families of shifts
-are each **calibrated on one number of the paper**, the tip displacement of the solid with standard MPM (+13.8 %), and
-**predict the other three**: GIMP's tip displacement and both optimised compliances. Everything else is the cantilever
-without crossing: force at mid-height, filter radius 3 point spacings, 40 % of the volume, h = F = E0 = 1.
+Compliance with induced crossing. The paper shifts points in x by amounts it does not give. Here three families of
+shifts are each **calibrated on one number of the paper**, the tip displacement of the solid with standard MPM (+13.8
+%), and **predict the other three**: GIMP's tip displacement and both optimised compliances. Everything else is the
+cantilever without crossing: force at mid-height, filter radius 3 point spacings, 40 % of the volume, h = F = E0 = 1.
 
 Densities live on the points' places in the body, before the shift; there the filter measures, and there a design is
 drawn and judged. A shift disturbs the analysis only. So every design can be analysed again without crossing, and on the
 **fine reference**: what it has lost in truth, beside what its own analysis claims.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -23,8 +23,8 @@ from reference_fem import elasticity
 from reference_fem.reanalyse import Judge, build_judge
 from validation import paper
 from validation.conftest import Lock, ShowProgress
-from validation.crossing import Crossing, Jitter, Periodic, Uniform, Wave
-from validation.methods import METHODS, ROUNDING_RISE, SHAPE_FUNCTIONS, Analyser, Optimisation, material_points
+from validation.crossing import Crossing, Periodic, Uniform, Wave
+from validation.methods import METHODS, SHAPE_FUNCTIONS, Analyser, Optimisation, material_points
 from validation.metrics import draw_design, draw_points
 from validation.paper import Compared, compare
 from validation.report import Report
@@ -35,14 +35,13 @@ RTOL_OPTIMUM = 2e-3
 RTOL_ANALYSIS = 1e-8
 """One analysis of a given design: condition number 1e5 times rounding 1e-16, with three digits to spare."""
 
-RTOL_COMPLIANCE, RTOL_RISE = 0.05, 0.1
-"""Agreement with the paper, whose crossing is unknown; a rise is the difference of two numbers and knows less."""
+RTOL_COMPLIANCE, RTOL_RISE = 0.01, 0.1
+"""Agreement with the paper: crossing changes the optimum by a few per cent, and a rise is what it changes."""
 
 FAMILIES: dict[str, tuple[Crossing, ...]] = {
     "uniform(s)": tuple(Uniform(s) for s in (0.26, 0.3, 0.4, 0.5, 0.6, 0.7, 0.74)),
     "periodic(n, 0.26)": tuple(Periodic(n) for n in (2, 3, 4, 5, 6, 8)),
     "wave(n, 0.26)": tuple(Wave(n) for n in (5, 6, 7, 8, 9, 10, 12, 16, 20)),
-    "jitter(a)": tuple(Jitter(a) for a in (0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)),
 }
 """Members of each family among which the calibration chooses."""
 REPRODUCTION = "periodic(n, 0.26)"
@@ -115,14 +114,16 @@ def test_calibration(
 
     In each family the member is chosen whose tip displacement with standard MPM comes nearest to +13.8 %; the numbers
     of columns and waves are whole, so the calibration is met to about a per cent of the displacement. The optima are
-    relative to the uncrossed optimum of the same scene, in the paper as here.
+    relative to the uncrossed optimum of the same scene, in the paper as here. Random shifts are left to the study of
+    shape functions: their scatter exceeds what is to be predicted.
     """
     stated = {
         "tip, GIMP": paper.CANTILEVER_CROSSING_TIP_GIMP.value,
         "optimum, standard": paper.CANTILEVER_CROSSING_STANDARD.value / paper.CANTILEVER_COMPLIANCE.value - 1,
         "optimum, GIMP": paper.CANTILEVER_CROSSING_GIMP.value / paper.CANTILEVER_COMPLIANCE.value - 1,
     }
-    rows = {"paper": {"member": "not stated", "tip, standard (calibrated)": 0.138} | stated}
+    target = paper.CANTILEVER_CROSSING_TIP_STANDARD.value
+    rows: dict[str, dict[str, Any]] = {"paper": {"member": "not stated", "tip, standard (calibrated)": target} | stated}
     for family, (crossing, rise) in calibrations.items():
         predicted = {"tip, GIMP": rise["GIMP"]}
         predicted |= {f"optimum, {name}": runs[family, name].final / still.final - 1 for name in NAMES}
@@ -132,11 +133,13 @@ def test_calibration(
     table = pd.DataFrame.from_dict(rows, orient="index").rename_axis("family")
     report.table("calibration", table, "Rises by crossing, of the solid's tip displacement and of the optimum.", 3)
     errors = table["prediction error (RMS)"].astype(float)
+    ratios = [float(rows[f]["optimum, standard"] / rows[f]["tip, standard (calibrated)"]) for f in calibrations]
     report.text(
         f"Least prediction error: {errors.idxmin()}, {errors.min():.3f}. GIMP's tip displacement below +1.8 % together "
         "with +13.8 % for standard MPM is met where neighbouring points move almost alike (wave), so that their "
         "domains leave hardly a gap; where single columns jump, GIMP counts the gap they leave and the overlap they "
-        "make. In no family does the optimum rise by much less than the solid's tip displacement, as in the paper."
+        f"make. In the paper standard's optimum rises by {stated['optimum, standard'] / target:.2f} of its tip "
+        f"displacement; here by {min(ratios):.2f} to {max(ratios):.2f}."
     )
     wave = calibrations["wave(n, 0.26)"]
     report.check(
@@ -147,7 +150,7 @@ def test_calibration(
     )
     met = report.check(
         "calibrated tip displacement, standard, furthest of any family with a whole number: distance from +13.8 %",
-        max(abs(calibrations[f].rise["standard"] - 0.138) for f in (REPRODUCTION, "wave(n, 0.26)")),
+        max(abs(calibrations[f].rise["standard"] - target) for f in (REPRODUCTION, "wave(n, 0.26)")),
         at_most=0.02,
         source="our bound on the calibration",
     )
@@ -166,7 +169,7 @@ def test_stress_field(
 ) -> None:
     """Periodic overshoots of the stress (Fig. 12)
 
-    In the cell that keeps one column of points the tent's stiffness is halved, so strain and stress there double; the
+    In the cell that keeps one column of points the tent's stiffness is halved, so strain and stress there rise; the
     cell with three columns is too stiff. GIMP spreads what has crossed over both cells.
     """
     crossing = calibrations[REPRODUCTION].crossing
@@ -196,13 +199,13 @@ def test_stress_field(
             "largest overshoot of the von Mises stress in the top row, standard",
             rows["standard"][over],
             at_least=0.2,
-            source="Fig. 12a: periodic overshoots",
+            source="our test of Fig. 12a: periodic overshoots",
         ),
         report.check(
             "largest overshoot of the von Mises stress in the top row, GIMP over standard",
             rows["GIMP"][over] / rows["standard"][over],
             at_most=0.5,
-            source="Fig. 12b: mitigated",
+            source="our test of Fig. 12b: mitigated",
         ),
     ]
     figure, axes = plt.subplots(3, 1, figsize=(5.4, 8.4))
@@ -242,10 +245,11 @@ def test_optimisation(
 ) -> None:
     """Optimised with crossing (Fig. 13)
 
-    The gradients are those of the disturbed analysis, exactly: compliance falls in every iteration, as the paper says.
-    What is optimised is wrong. Cells that have lost points are soft, there the optimiser sees strain energy and puts
-    material: vertical struts at the crossed boundaries, as far as the filter, whose radius is 1.5 cells, lets them be.
-    **Strut measure**: mean density of the points in cells that have lost points, over the mean of all.
+    The gradients are those of the disturbed analysis, exactly, as the paper says: the derivative along a random
+    direction is that of differences. What is optimised is wrong. Cells that have lost points are soft, there the
+    optimiser sees strain energy and puts material: vertical struts at the crossed boundaries, as far as the filter,
+    whose radius is 1.5 cells, lets them be. **Strut measure**: mean density of the points in cells that have lost
+    points, over the mean of all.
     """
     crossing = calibrations[REPRODUCTION].crossing
     soft = in_soft_cells(crossing)
@@ -270,12 +274,12 @@ def test_optimisation(
             "strut measure, standard with crossing over without",
             struts["standard"] / struts["standard, no crossing"],
             at_least=1.02,  # more than another path of the optimiser makes: B-splines' uncrossed optimum, 0.5 %
-            source="Sect. 5.2.1, Fig. 13a: fictitious material along y",
+            source="our test of Fig. 13a: fictitious material along y",
         ),
         report.check(
-            "largest relative rise of compliance in an iteration, standard and GIMP with crossing",
-            max(0.0, *(float(runs[REPRODUCTION, name].rise.max()) for name in NAMES)),
-            at_most=ROUNDING_RISE,
+            "derivative of compliance along a random direction, gradient against differences, relative, with crossing",
+            max(gradient_error(name, crossing) for name in NAMES),
+            at_most=1e-6,  # central differences: step squared, 1e-8, times third derivatives
             source="Sect. 5.2.1: sensitivities stay consistent",
         ),
     ]
@@ -283,11 +287,21 @@ def test_optimisation(
         "excess of the strut measure over that without crossing, GIMP over standard",
         (struts["GIMP"] - struts["standard, no crossing"]) / (struts["standard"] - struts["standard, no crossing"]),
         at_most=0.5,  # our reading of "aligns": nearer to the design without crossing than to that of standard
-        source="Sect. 5.2.1, Fig. 13b: aligns with the design without crossing",
+        source="Fig. 13b: aligns with the design without crossing",
     )
     draw_optimisation(report, shown, crossing)
     lock({f"optimised compliance, {name}": row["compliance"] for name, row in rows.items()}, rtol=RTOL_OPTIMUM)
     assert all(holds)
+
+
+def gradient_error(name: str, crossing: Crossing) -> float:
+    """Relative difference of g.d to (J(x + t d) - J(x - t d)) / 2t, from the uniform design, d random, t = 1e-4."""
+    problem = material_points(SHAPE_FUNCTIONS[name], name, crossing)(cantilever()).problem
+    x, t = problem.x0, 1e-4
+    direction = np.random.default_rng(13).uniform(-1, 1, len(x))
+    gradient = problem.gradient(problem.evaluate(x))[0] @ direction
+    plus, minus = (float(problem.evaluate(x + sign * t * direction).objective) for sign in (1, -1))
+    return abs((plus - minus) / (2 * t) / float(gradient) - 1)
 
 
 def draw_optimisation(report: Report, shown: dict[str, Optimisation], crossing: Crossing) -> None:
@@ -386,13 +400,16 @@ def test_true_loss(
     report.check(
         f"true loss of optimality, GIMP, {crossing}", gimp["fine reference"], source="Sect. 5.2.1: not computed"
     )
-    same_order = all(
-        (rows[str(c), "standard"]["fine reference"] > rows[str(c), "GIMP"]["fine reference"])
-        == (rows[str(c), "standard"]["apparent loss"] > rows[str(c), "GIMP"]["apparent loss"])
+    excess = {
+        str(c): rows[str(c), "standard"]["fine reference"] - rows[str(c), "GIMP"]["fine reference"]
         for c, _ in calibrations.values()
-    )
-    report.check(
-        "the order of standard and GIMP is the same in truth, every family", same_order, True, source="our test"
+    }
+    for label, more in excess.items():
+        report.check(f"true loss of optimality, standard less GIMP, {label}", more, source="Sect. 5.2.1: not computed")
+    worse = [label for label, more in excess.items() if more < 0]
+    report.text(
+        "On the fine reference standard's design is the worse one, as by the own analyses"
+        + (f", but for {', '.join(worse)}: there GIMP's is the worse." if worse else ", in every family.")
     )
     lock({f"{c}, {name}": row["compliance, fine reference"] for (c, name), row in rows.items()}, rtol=RTOL_OPTIMUM)
     assert all(holds)

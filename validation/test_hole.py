@@ -2,9 +2,10 @@
 
 A curved design domain on a straight grid: the cantilever 45h x 30h, h = 1 mm, with a circular hole of radius 10 mm at
 (15, 15) mm, which cuts the cells as it comes. 2 x 2 points per cell; force at the lower right corner and hole as in
-Sigmund (2001), to whom the paper refers; filter radius 3 point spacings, 40 % of the volume outside the hole, F = E0 =
-1. **Case 1**: no points in the hole. **Case 2**: points there have density zero, which cannot return. Their neighbours'
-filter may either pass over them, as if they were absent, or average their zeros in; the paper does not say.
+Sigmund (2001), to whom the paper refers; filter radius 3 point spacings, 40 % of the volume outside the hole; units F =
+E0 = h. **Case 1**: no points in the hole. **Case 2**: points there have density zero, which cannot return. Their
+neighbours' filter may either pass over them, as if they were absent, or average their zeros in; the paper does not say.
+**FEM** runs on the voxels outside the hole, an element for each point, and on a mesh that follows the hole's edge.
 """
 
 from typing import Any, NamedTuple
@@ -27,9 +28,9 @@ from reference_fem.hole import around_hole
 from reference_fem.reanalyse import Judge, build_judge
 from reference_fem.simp import design_problem
 from validation import paper
-from validation.conditioning import Condition, condition
+from validation.conditioning import Condition, condition, shown
 from validation.conftest import Lock, ShowProgress
-from validation.methods import Analyser, Design, Optimisation, finite_elements, material_points
+from validation.methods import Analyser, Design, Optimisation, finite_elements, material_points, no_stress
 from validation.metrics import draw_design
 from validation.report import Report
 from validation.scenes import HOLE, perforated
@@ -71,7 +72,7 @@ def body_fitted() -> Analyser:
     mesh = around_hole((0.0, 0.0), (45.0, 30.0), HOLE.centre, HOLE.radius, FITTED_SIZE)
     fem = design_problem(scene, mesh=mesh)
     half = np.sqrt(fem.model.area)[:, None] * (0.5, 0.5)  # of a square of the element's area
-    return Analyser("FEM, body-fitted", scene, fem, fem.model.centres, half, lambda evaluation: evaluation.u)
+    return Analyser("FEM, body-fitted", scene, fem, fem.model.centres, half, no_stress)
 
 
 @pytest.fixture(scope="module")
@@ -100,8 +101,12 @@ def test_cases(
 
     With the filter passing over the hole, case 2 is case 1 to E_min: the same iterates, as many of them. With the
     filter averaging the hole's zeros in, material beside the hole is always grey, its stiffness penalised: the optimum
-    is worse, and the path there longer. The paper's difference between its cases, and its slower case 2, are this
-    effect of the filter, not of the void points in the analysis.
+    is worse, and the path there longer. The paper's difference between its cases, and its slower case 2, may be this
+    effect of the filter; void points in the analysis have none.
+
+    By its own analysis the body-fitted mesh is the stiffest: stairs weaken the ligaments above and below the hole. On
+    the common reference, which has stairs for all and takes the density of the nearest element at each point, its
+    design is among the others.
     """
     points = analysers[CASE_1]
     designs = {name: on_points(run.design, points) for name, run in runs.items()}
@@ -128,15 +133,15 @@ def test_cases(
     longer = {name: rows[name]["iterations"] / rows[CASE_1]["iterations"] for name in (CASE_2, CASE_2_FILTERED)}
     for name in (CASE_2, CASE_2_FILTERED):
         report.check(
-            f"compliance over case 1, less 1; {name}",
-            difference[name],
+            f"difference of the compliance to case 1, relative; {name}",
+            abs(difference[name]),
             at_most=paper.HOLE_DIFFERENCE.value,
             source=f"{paper.HOLE_DIFFERENCE.where}: 1.4 % apart",
         )
         report.check(
             f"iterations over those of case 1; {name}",
             longer[name],
-            at_least=1.0 + 1e-9,
+            at_least=1.05,
             source="Sect. 6.1: case 2 slower",
         )
     same = report.check(
@@ -192,7 +197,7 @@ def test_cost(report: Report, analysers: dict[str, Analyser]) -> None:
 
 
 class Holed(NamedTuple):
-    """Outcome of one analysis: "solved", or the name of the error; condition numbers of an absent hole if solved."""
+    """Outcome of one analysis: "solved", or the name of the error; condition numbers if solved."""
 
     outcome: str
     condition: Condition | None
@@ -217,7 +222,7 @@ def analysed(scene: Scene, shape_function: ShapeFunction, shift: Array, ghost: f
         state = equilibrium(model, simp(rho, scene.penal, scene.contrast)[0])
     except UnsupportedBody as error:
         return Holed(type(error).__name__, None)
-    return Holed("solved", condition(model, state) if scene.passive_void is None else None)
+    return Holed("solved", condition(model, state))
 
 
 def random_circles(count: int) -> list[Circle]:
@@ -238,8 +243,8 @@ def test_random_holes(report: Report, lock: Lock, progress: ShowProgress) -> Non
     cells of 2.5 h. Slivers and spikes remain, single points that hang on the rest by a corner of their cell.
     **Standard** as seeded; **GIMP** with all points moved by (0.13, 0.07) cells, so that domains overlap the cells
     beside the body by a little. Remedies: none; the **ghost penalty**, which ties a cut cell to its neighbours;
-    **void**, points in the hole with zero density, hence E_min = 1e-9 E0. A piece that the circle cuts off has nothing
-    to hang on: unless void fills the gap, that is an error, by its name.
+    **void**, points in the hole with zero density, hence E_min = 1e-9 E0. A piece that the circle cuts off hangs on
+    nothing, or on the clamp by a single point: unless void fills the gap, that is an error, by its name.
     """
     circles = random_circles(100)
     domains = (perforated(circle, absent=True).domain for circle in circles)
@@ -260,16 +265,20 @@ def test_random_holes(report: Report, lock: Lock, progress: ShowProgress) -> Non
     rows: dict[str, dict[str, Any]] = {}
     for name, holed in outcomes.items():
         solved = np.array([h.outcome == "solved" for h in holed])
-        whole = [h.condition for h, piece in zip(holed, pieces, strict=True) if h.condition is not None and not piece]
         rows[name] = {
             "solved, in one piece": int(np.sum(solved & ~pieces)),
             "error, in one piece": int(np.sum(~solved & ~pieces)),
             "solved, in pieces": int(np.sum(solved & pieces)),
             "error, in pieces": int(np.sum(~solved & pieces)),
         }
-        if whole:
-            rows[name]["largest condition, in one piece"] = max(c.plain for c in whole)
-            rows[name]["the same, scaled"] = max(c.scaled for c in whole)
+    # the same bodies in every row, those that some remedy was needed for being infinitely ill-conditioned without
+    by_all = np.all([[h.condition is not None for h in holed] for holed in outcomes.values()], axis=0)
+    for name, holed in outcomes.items():
+        conditions = [h.condition for h, kept in zip(holed, by_all, strict=True) if kept and h.condition is not None]
+        rows[name]["largest condition, solved by all"] = shown(max(c.plain for c in conditions))
+        rows[name]["the same, scaled"] = shown(max(c.scaled for c in conditions))
+        whole = [h.condition for h, piece in zip(holed, pieces, strict=True) if not piece]
+        rows[name]["largest condition, in one piece"] = shown(max(np.inf if c is None else c.plain for c in whole))
     table = pd.DataFrame.from_dict(rows, orient="index").rename_axis("method, remedy")
     report.table("random_holes", table, "100 random holes in the solid cantilever.", 2)
     holds = [
@@ -302,7 +311,7 @@ def test_random_holes(report: Report, lock: Lock, progress: ShowProgress) -> Non
                 rows[name]["largest condition, in one piece"]
                 for name in ("standard, ghost penalty", "GIMP, ghost penalty")
             ),
-            at_most=1e7,  # 1e5 without a hole; a thin ligament adds its own softness
+            at_most=1e7,  # 7e3 without a hole; a thin ligament adds its own softness
             source="our bound",
         )
     )
