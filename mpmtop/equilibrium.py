@@ -1,6 +1,7 @@
 """Equilibrium: a scene discretised, and Newton's method for f_int(u) = f_ext (Eqs. 3 and 4)."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,6 +10,7 @@ from mpmtop.ghost import GhostPenalty, ghost_penalty
 from mpmtop.grid import Grid
 from mpmtop.linear_solver import SingularMatrix, Solve, Solver, choose_solver
 from mpmtop.material import tangent
+from mpmtop.multigrid import Lattice
 from mpmtop.points import MaterialPoints, seed
 from mpmtop.scene import Array, Index, LoadOutsideBody, Mask, NotConverged, PointLoad, Scene, UnsupportedBody
 from mpmtop.shape_functions import ShapeFunction, tent
@@ -62,7 +64,7 @@ def discretise(
     points: MaterialPoints | None = None,
     grid: Grid | None = None,
     ghost: float = 0.0,
-    solver: Callable[[int, Index, Index], Solver] = choose_solver,
+    solver: Callable[[int, Index, Index, Lattice], Solver] = choose_solver,
 ) -> Model:
     """Discretise `scene` by cells of size h (hx, hy) with ppc (nx, ny) points per cell and direction.
 
@@ -91,7 +93,9 @@ def discretise(
         raise LoadOutsideBody(
             "the loads act on held nodes only: move them away from the supports, or make them nonzero"
         )
-    chosen = solver(len(K.dof), K.row, K.col)
+    node, component = np.divmod(K.dof, 2)
+    lines = np.stack(np.divmod(operators.nodes[node], grid.nodes[1]), axis=-1)
+    chosen = solver(len(K.dof), K.row, K.col, Lattice(grid.h, lines, component))
     return Model(scene, grid, points, shape_function, operators, D, f_ext, penalty, K, chosen)
 
 
@@ -130,24 +134,27 @@ def held_dofs(scene: Scene, position: Array, tol: float) -> Mask:
     return held.ravel()
 
 
-def equilibrium(model: Model, moduli: Array, *, tol: float = 1e-9, max_steps: int = 3) -> Equilibrium:
+def equilibrium(model: Model, moduli: Array, *, tol: float | None = None, max_steps: int = 3) -> Equilibrium:
     """Newton's method from u = 0 until |R| <= tol |f_ext|, R = f_ext - f_int(u) over the free degrees of freedom.
 
     A linear scene takes one step; the tangent does not change, so any further step is an iterative refinement with
-    the same factorisation. Where void carries load, |K| |u| exceeds |f_ext| so far that rounding alone leaves |R| above
-    that, with f.u right to all digits that matter: after the last step |R . u| <= tol f_ext . u, the relative error of
-    the energy, suffices. `moduli` (p,) are Young's moduli. Raises UnsupportedBody if K is singular, naming the node,
-    and NotConverged.
+    the same factorisation. `tol` is the solver's own tolerance unless given, 1e-9 of a direct one. Where void carries
+    load, |K| |u| exceeds |f_ext| so far that rounding alone leaves |R| above that, with f.u right to all digits that
+    matter: after the last step |R . u| <= tol f_ext . u, the relative error of the energy, suffices. `moduli` (p,) are
+    Young's moduli. Raises UnsupportedBody if K is singular, naming the node, and NotConverged.
     """
     if not np.all(np.isfinite(moduli)) or np.min(moduli) < 0:
         raise ValueError("point moduli must be finite and not negative: check the densities")
+    tol = model.solver.tolerance if tol is None else tol
     free = model.stiffness.dof
     f_norm = np.linalg.norm(model.f_ext[free])
     u = np.zeros_like(model.f_ext)
-    solve = _factor(model, moduli)
+    with _mechanism_named(model):
+        solve = model.solver.factor(model.stiffness.data(moduli))
     residual = model.f_ext[free]
     for step in range(1, max_steps + 1):
-        u[free] += solve(residual)
+        with _mechanism_named(model):
+            u[free] += solve(residual)
         strain = model.transfer.strain(u)
         f_int = model.internal_force(model.stress(moduli, strain)) + model.ghost.force(moduli, u)
         residual = (model.f_ext - f_int)[free]
@@ -163,9 +170,10 @@ def equilibrium(model: Model, moduli: Array, *, tol: float = 1e-9, max_steps: in
     )
 
 
-def _factor(model: Model, moduli: Array) -> Solve:
+@contextmanager
+def _mechanism_named(model: Model) -> Iterator[None]:
     try:
-        return model.solver.factor(model.stiffness.data(moduli))
+        yield
     except SingularMatrix as error:
         dof = model.stiffness.dof[error.unknown]
         x, y = model.grid.node_positions(model.transfer.nodes[dof // 2])

@@ -82,7 +82,9 @@ def p_norm_stress_gradient(model: Model, state: Equilibrium, rho: Array, *, p: f
 
 def _by_moduli(model: Model, state: Equilibrium, adjoint: Array, adjoint_strain: Array) -> Array:
     """dJ/dE_p = -lambda . dK/dE_p u = -V_p eps_p(lambda) . D eps_p(u) - the ghost penalty's work, (p,)."""
-    by_strain = -model.points.volume * np.sum(adjoint_strain @ model.D * state.strain, axis=1)
+    energy = adjoint_strain @ model.D
+    energy *= state.strain
+    by_strain = -model.points.volume * np.sum(energy, axis=1)
     return by_strain - model.ghost.work(adjoint, state.u)
 
 

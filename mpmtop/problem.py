@@ -5,6 +5,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.linalg import LinearOperator
 
 from mpmtop.design import DensityFilter, DesignSpace, density_filter, design_space, passive_filter
 from mpmtop.equilibrium import Equilibrium, Model, equilibrium
@@ -12,6 +14,7 @@ from mpmtop.material import simp
 from mpmtop.objectives import Objective, objective
 from mpmtop.points import MaterialPoints
 from mpmtop.scene import Array, InvalidScene, LoadOutsideBody, PointLoad
+from mpmtop.stiffness import CellMap
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,17 +118,26 @@ class DesignProblem:
         volume = self.model.points.volume
         return volume / (self.model.scene.volume_fraction * volume[~self.space.void].sum())
 
+    @cached_property
+    def _volume_gradient(self) -> Array:
+        gradient = self.filter.adjoint(self._volume_weight)[None]
+        gradient.flags.writeable = False  # the same for every design
+        return gradient
+
     @property
     def fingerprint(self) -> str:
-        """Hash of all numbers that an iterate depends on: a checkpoint fits a problem of the same ones only."""
+        """Hash of all numbers that an iterate depends on: a checkpoint fits a problem of the same ones only.
+
+        An operator that is no sparse matrix is known by what it makes of a vector of random numbers.
+        """
         model, scene = self.model, self.model.scene
         law = (scene.material.young, scene.penal, scene.contrast, scene.volume_fraction, scene.rho_min)
         digest = hashlib.sha256(repr((scene.objective, *map(float, law))).encode())
-        operators = (model.stiffness.data_map, self.filter.matrix, model.transfer.B)
+        operators = (*model.stiffness.maps, self.filter.matrix, model.transfer.B)
         # passive points are empty rows of the filter, void where its offset is zero
         passive = () if self.filter.offset is None else (self.filter.offset,)
         arrays = (model.points.volume, model.D, model.f_ext, model.stiffness.dof, *passive)
-        for array in (*arrays, *(part for m in operators for part in (m.data, m.indices, m.indptr))):
+        for array in (*arrays, *(part for operator in operators for part in _numbers(operator))):
             digest.update(array.tobytes())
         return digest.hexdigest()
 
@@ -151,13 +163,19 @@ class DesignProblem:
     def gradient(self, evaluation: Evaluation) -> tuple[Array, Array]:
         """dJ/ddesign (a,) and dg/ddesign (1, a) of an evaluation, with its factorisation."""
         d_rho = self.density_gradient(evaluation)
-        return self.filter.adjoint(d_rho), self.filter.adjoint(self._volume_weight)[None]
+        return self.filter.adjoint(d_rho), self._volume_gradient
 
     def density_gradient(self, evaluation: Evaluation) -> Array:
         """dJ/drho (p,), by the physical densities."""
         scene = self.model.scene
         by_rho, by_moduli = self.objective.gradient(self.model, evaluation.state, evaluation.rho)
         return by_rho + by_moduli * scene.material.young * simp(evaluation.rho, scene.penal, scene.contrast)[1]
+
+
+def _numbers(operator: sp.csr_array | CellMap | LinearOperator) -> tuple[Array, ...]:
+    if isinstance(operator, sp.csr_array):
+        return operator.data, operator.indices, operator.indptr
+    return (operator @ np.random.default_rng(0).random(operator.shape[1]),)
 
 
 def plan(problem: DesignProblem) -> str:
@@ -176,14 +194,14 @@ def plan(problem: DesignProblem) -> str:
         f"stencil ({model.shape_function.__name__}): {np.mean(touched):.2f} nodes for a point on average; "
         f"{np.count_nonzero(touched <= 4)} of {p} points need no more than the 4 of their own cell",
         f"ghost faces: {_ghost_plan(model)}",
-        f"stiffness: {model.stiffness.data_map.shape[0]} entries of the lower triangle, one sparse product each",
+        f"stiffness: {len(model.stiffness.row)} entries of the lower triangle, {_stiffness_plan(model)}",
         f"solver: {type(model.solver).__name__}, one factorisation for a design",
         "Newton: one step, the scene is linear; the tangent of a further one would be the same",
         "adjoint solve: one, with the factorisation of the state"
         if problem.objective.solves
         else "adjoint solve: skipped, compliance is self-adjoint",
         "stresses: at every point" if problem.objective.solves else "stresses: skipped, the objective needs none",
-        f"filter: {problem.filter.matrix.nnz} weights, built once",
+        f"filter: {_filter_plan(problem)}",
     ]
     return "\n".join(lines)
 
@@ -196,3 +214,15 @@ def _ghost_plan(model: Model) -> str:
     if faces == 0:
         return f"skipped, none of the {ghost.between} between two cells of the body has a cut cell beside it"
     return f"{faces} of {ghost.between} between two cells of the body have a cut cell beside them"
+
+
+def _stiffness_plan(model: Model) -> str:
+    part = model.stiffness.maps[0]
+    if isinstance(part, CellMap):
+        return f"by {len(part.entry)} cells and {len(part.local)} distinct matrices of points"
+    return "one sparse product each"
+
+
+def _filter_plan(problem: DesignProblem) -> str:
+    matrix = problem.filter.matrix
+    return f"{matrix.nnz} weights, built once" if sp.issparse(matrix) else "a convolution over the lattice of points"

@@ -1,10 +1,14 @@
 """Stiffness: K(E) = sum_p E_p V_p B_p^T D B_p, and a ghost penalty's part, on a fixed sparsity pattern.
 
-K is linear in the point moduli, so its entries are one sparse matrix-vector product with a map built once. Only the
-lower triangle between free degrees of freedom is kept; held and untouched ones never exist.
+K is linear in the point moduli, so its entries are the product of a map built once with them. Only the lower triangle
+between free degrees of freedom is kept; held and untouched ones never exist.
+
+The map of a small body is one sparse matrix. From BY_CELL points on it goes through the cells: points that lie alike in
+cells of one size have one matrix B_p^T D B_p, so on a lattice only a few are distinct and each of them is stored once.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
@@ -15,23 +19,65 @@ from mpmtop.points import MaterialPoints
 from mpmtop.scene import Array, Index, Mask
 from mpmtop.transfer import Transfer
 
+BY_CELL = 50_000
+"""Points from which the map goes through cells: the sparse matrix takes 0.75 kB for each point, this 0.1 kB on a
+lattice, in about the same time. Below, sums keep the order of the points to the last bit."""
+ALIKE = 1e-11
+"""Gradients and volumes, in units of the cell, that differ by no more are alike: the rounding of positions is below."""
+
+
+@dataclass(frozen=True, eq=False)
+class CellMap:
+    """Map from moduli (p,) to entries (nnz,) by cells, sets of points on the same nodes.
+
+    `point` (p,) are the points in the order of their cells, those of cell c from `start[c]` (c + 1,) on; `kind` (p,)
+    tells which of the k distinct `local` matrices (k, t), lower triangles, is theirs; `entry` (c, t) where a cell's
+    matrix goes, nnz for what is held.
+    """
+
+    shape: tuple[int, int]
+    point: Index
+    start: Index
+    kind: Index
+    local: Array
+    entry: Index
+
+    def __matmul__(self, moduli: Array) -> Array:
+        by_kind = sp.csr_array((moduli[self.point], self.kind, self.start), shape=(len(self.entry), len(self.local)))
+        cells = by_kind @ self.local
+        sums = np.bincount(self.entry.ravel(), cells.ravel(), minlength=self.shape[0] + 1)
+        return sums[:-1].astype(float, copy=False)
+
+    def tocsr(self) -> sp.csr_array:
+        """The same map as one sparse matrix (nnz, p)."""
+        entry = np.repeat(self.entry, np.diff(self.start), axis=0)
+        kept = entry < self.shape[0]
+        point = np.broadcast_to(self.point[:, None], entry.shape)
+        return sp.csr_array((self.local[self.kind][kept], (entry[kept], point[kept])), shape=self.shape)
+
 
 @dataclass(frozen=True, eq=False)
 class Stiffness:
     """Lower triangle of K in the numbering of the unknowns.
 
     `dof` (m,) is the degree of freedom (2 node + component, see `Transfer`) of each unknown; `row` >= `col` (nnz,) the
-    pattern, exact zeros included, sorted by column; `data_map` (nnz, p) turns moduli into entries.
+    pattern, exact zeros included, sorted by column; `maps` turn moduli (p,) into entries (nnz,), which add up.
     """
 
     dof: Index
     row: Index
     col: Index
-    data_map: sp.csr_array
+    maps: tuple[sp.csr_array | CellMap, ...]
 
     def data(self, moduli: Array) -> Array:
         """Entries (nnz,) of the lower triangle for point moduli (p,)."""
-        return self.data_map @ moduli
+        return sum((part @ moduli for part in self.maps[1:]), start=self.maps[0] @ moduli)
+
+    @cached_property
+    def data_map(self) -> sp.csr_array:
+        """The map (nnz, p) as one sparse matrix, which no analysis of BY_CELL points or more needs."""
+        parts = [part.tocsr() for part in self.maps]
+        return sum(parts[1:], start=parts[0])
 
 
 def narrow_order(grid: Grid, transfer: Transfer) -> Index:
@@ -57,30 +103,106 @@ def stiffness(
     unknown = np.full(len(held), -1)
     unknown[dof] = np.arange(len(dof))
 
-    p, n = transfer.stencil.shape
-    gx, gy = np.moveaxis(transfer.grad_N, -1, 0)
+    m = max(len(dof), 1)
+    by_cell = len(points.volume) >= BY_CELL
+    key, part = (_cell_map if by_cell else _point_map)(grid, points, transfer, D, unknown, m)
+    maps: tuple[sp.csr_array | CellMap, ...] = (part,)
+    if ghost.modulus.shape[0] > 0:
+        face_key, face_map = _face_map(ghost, unknown, m)
+        both = np.union1d(key, face_key)
+        faces = _among(both, face_key, face_map)
+        if isinstance(part, CellMap):
+            place = np.append(np.searchsorted(both, key), len(both))
+            maps = replace(part, shape=(len(both), part.shape[1]), entry=place[part.entry]), faces
+        else:
+            maps = (_among(both, key, part) + faces,)
+        key = both
+    return Stiffness(dof, key % m, key // m, maps)
+
+
+def _point_map(
+    grid: Grid, points: MaterialPoints, transfer: Transfer, D: Array, unknown: Index, m: int
+) -> tuple[Index, sp.csr_array]:
+    """Keys (nnz,) of the points' entries, see `_lower_triangle`, and their map as one sparse matrix (nnz, p)."""
+    local = _local(transfer.grad_N, points.volume, D)
+    return _lower_triangle(_local_unknown(transfer.stencil, transfer.touched, unknown), local, m)
+
+
+def _local(grad_N: Array, volume: Array, D: Array) -> Array:
+    """V_p B_p^T D B_p, (p, 2n, 2n), of points with gradients (p, n, 2)."""
+    p, n = grad_N.shape[:2]
+    gx, gy = np.moveaxis(grad_N, -1, 0)
     B = np.zeros((p, 3, n, 2))
     B[:, 0, :, 0] = B[:, 2, :, 1] = gx
     B[:, 1, :, 1] = B[:, 2, :, 0] = gy
     strain = B.reshape(p, 3, 2 * n)
-    local = np.einsum("pai,pab,pbj->pij", strain, points.volume[:, None, None] * D, strain, optimize=True)
+    return np.einsum("pai,pab,pbj->pij", strain, volume[:, None, None] * D, strain, optimize=True)
 
-    local_unknown = unknown[2 * transfer.stencil[:, :, None] + np.arange(2)]
-    local_unknown[~transfer.touched] = -1
-    local_unknown = local_unknown.reshape(p, 2 * n)
-    m = max(len(dof), 1)
-    key, data_map = _lower_triangle(local_unknown, local, m)
-    if ghost.modulus.shape[0] > 0:
-        # each row of the jump is an element of six nodes, once for each component, with half of a face's energy
-        node, jump = ghost.jump.indices.reshape(-1, 6), ghost.jump.data.reshape(-1, 6)
-        face_unknown = unknown[2 * node[:, None, :] + np.arange(2)[:, None]].reshape(-1, 6)
-        face_local = np.repeat(jump[:, :, None] * jump[:, None, :], 2, axis=0)
-        face_key, face_map = _lower_triangle(face_unknown, face_local, m)
-        face_map = face_map @ ghost.modulus[np.repeat(np.arange(ghost.modulus.shape[0]), 4)]
-        both = np.union1d(key, face_key)
-        data_map = _among(both, key, data_map) + _among(both, face_key, face_map)
-        key = both
-    return Stiffness(dof, key % m, key // m, data_map)
+
+def _local_unknown(stencil: Index, touched: Mask, unknown: Index) -> Index:
+    """Unknowns (c, 2n) on stencils (c, n), -1 where held or not touched."""
+    local = unknown[2 * stencil[:, :, None] + np.arange(2)]
+    local[~touched] = -1
+    return local.reshape(len(stencil), -1)
+
+
+def _cell_map(
+    grid: Grid, points: MaterialPoints, transfer: Transfer, D: Array, unknown: Index, m: int
+) -> tuple[Index, CellMap]:
+    """The same keys, and the map by cells.
+
+    Every distinct local matrix is that of the first point of its kind, with this point's own gradients: it is free of
+    energy under rigid motion to the last bit, as the others are.
+    """
+    p, n = transfer.touched.shape
+    n_max = int(np.max(np.count_nonzero(transfer.touched, axis=1)))
+    # a stencil is told by its first node and which of the others are touched: it is a rectangle of known size
+    used = np.argsort(~transfer.touched, axis=1, kind="stable")[:, :n_max]
+    first = transfer.stencil[np.arange(p), np.argmax(transfer.touched, axis=1)]
+    pattern = transfer.touched @ (1 << np.arange(n))
+    _, of_cell, cell = np.unique(first << n | pattern, return_index=True, return_inverse=True)
+    kind_point, kind = _kinds(grid, points, transfer)
+
+    a, b = np.tril_indices(2 * n_max)
+    local = _local(transfer.grad_N[kind_point[:, None], used[kind_point]], points.volume[kind_point], D)[:, a, b]
+    nodes = of_cell[:, None], used[of_cell]
+    local_unknown = _local_unknown(transfer.stencil[nodes], transfer.touched[nodes], unknown)
+    one, other = local_unknown[:, a], local_unknown[:, b]
+    held = np.minimum(one, other) < 0
+    lower = np.where(held, np.iinfo(np.intp).max, np.minimum(one, other) * m + np.maximum(one, other))
+    key, entry = np.unique(lower, return_inverse=True)
+    if np.any(held):
+        key = key[:-1]
+    by_cell = np.argsort(cell, kind="stable")
+    start = np.concatenate([[0], np.cumsum(np.bincount(cell))])
+    return key, CellMap((len(key), p), by_cell, start, kind[by_cell], local, entry.reshape(lower.shape))
+
+
+def _kinds(grid: Grid, points: MaterialPoints, transfer: Transfer) -> tuple[Index, Index]:
+    """One point (k,) of each kind, and the kind (p,) of every point: what its local matrix depends on is ALIKE.
+
+    Kinds are told apart by one number, a sum with random weights, and compared in full afterwards; if two of a kind do
+    differ, every point is a kind of its own.
+    """
+    p = len(points.volume)
+    features = np.concatenate(
+        [(transfer.grad_N * grid.h).reshape(p, -1), points.volume[:, None] / np.prod(grid.h)], axis=1
+    )
+    weights = np.random.default_rng(0).uniform(0.5, 1, features.shape[1])
+    _, first, kind = np.unique(np.rint(features @ (weights / ALIKE)), return_index=True, return_inverse=True)
+    if np.all(np.abs(features - features[first[kind]]) <= 10 * ALIKE):
+        return first, kind
+    return np.arange(p), np.arange(p)
+
+
+def _face_map(ghost: GhostPenalty, unknown: Index, m: int) -> tuple[Index, sp.csr_array]:
+    """Keys and map (nnz, p) of the ghost penalty's entries."""
+    # each row of the jump is an element of six nodes, once for each component, with half of a face's energy
+    node, jump = ghost.jump.indices.reshape(-1, 6), ghost.jump.data.reshape(-1, 6)
+    face_unknown = unknown[2 * node[:, None, :] + np.arange(2)[:, None]].reshape(-1, 6)
+    face_local = np.repeat(jump[:, :, None] * jump[:, None, :], 2, axis=0)
+    key, face_map = _lower_triangle(face_unknown, face_local, m)
+    return key, face_map @ ghost.modulus[np.repeat(np.arange(ghost.modulus.shape[0]), 4)]
 
 
 def _lower_triangle(unknown: Index, local: Array, m: int) -> tuple[Index, sp.csr_array]:

@@ -7,6 +7,7 @@
 Degrees of freedom are numbered 2 node + component over the nodes that some point touches; others do not exist.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -79,11 +80,20 @@ def transfer(grid: Grid, points: MaterialPoints, shape_function: ShapeFunction) 
     stencil = np.zeros_like(node)
     stencil[touched] = inverse
 
-    p, k = np.nonzero(touched)
-    column, size = stencil[p, k], (len(points.x), len(active))
-    gx, gy = grad_N[p, k].T
+    p, a = len(points.x), len(active)
+    gx, gy = np.moveaxis(grad_N, -1, 0)
     # rows 3p, 3p+1, 3p+2: eps_xx = u_x,x; eps_yy = u_y,y; gamma_xy = u_x,y + u_y,x
-    rows = np.concatenate([3 * p, 3 * p + 1, 3 * p + 2, 3 * p + 2])
-    columns = np.concatenate([2 * column, 2 * column + 1, 2 * column, 2 * column + 1])
-    B = sp.csr_array((np.concatenate([gx, gy, gy, gx]), (rows, columns)), shape=(3 * size[0], 2 * size[1]))
-    return Transfer(active, stencil, touched, N, grad_N, sp.csr_array((N[p, k], (p, column)), shape=size), B)
+    shear = np.stack([gy, gx], axis=-1).reshape(p, -1)
+    both = (2 * stencil[:, :, None] + np.arange(2)).reshape(p, -1)
+    B = _rows(
+        [(gx, 2 * stencil, touched), (gy, 2 * stencil + 1, touched), (shear, both, touched.repeat(2, axis=1))], 2 * a
+    )
+    return Transfer(active, stencil, touched, N, grad_N, _rows([(N, stencil, touched)], a), B)
+
+
+def _rows(kinds: Sequence[tuple[Array, Index, Mask]], columns: int) -> sp.csr_array:
+    """Sparse matrix whose rows, of k kinds in turn, have the values (p, n) in ascending columns (p, n) where kept."""
+    values, column, kept = (np.concatenate(part, axis=1) for part in zip(*kinds, strict=True))
+    count = np.stack([np.count_nonzero(kind[2], axis=1) for kind in kinds], axis=1).ravel()
+    start = np.concatenate([[0], np.cumsum(count)])
+    return sp.csr_array((values[kept], column[kept], start), shape=(len(count), columns))

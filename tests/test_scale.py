@@ -1,0 +1,146 @@
+"""What large bodies take instead of small ones' sparse matrices is the same operator, in a fraction of the memory."""
+
+import numpy as np
+import pytest
+
+from mpmtop.design import DesignSpace, density_filter, passive_filter
+from mpmtop.equilibrium import Model, discretise
+from mpmtop.linear_solver import MultigridCG
+from mpmtop.points import MaterialPoints, seed
+from mpmtop.problem import DesignProblem, plan
+from mpmtop.region import Circle, Difference, Rectangle
+from mpmtop.shape_functions import ShapeFunction, bspline2, gimp, tent
+from mpmtop.stiffness import CellMap
+from tests.scenes import SHAPE_FUNCTIONS, cantilever
+
+HOLED = Difference(Rectangle((0, 0), (12, 8)), Circle((5.3, 3.2), 2.3))
+
+
+@pytest.fixture
+def large(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every body counts as large."""
+    monkeypatch.setattr("mpmtop.stiffness.BY_CELL", 0)
+    monkeypatch.setattr("mpmtop.design.BY_CONVOLUTION", 0)
+
+
+def model_of(shape_function: ShapeFunction, points: MaterialPoints, ghost: float = 0.0) -> Model:
+    return discretise(cantilever(12, 8, domain=HOLED), 1.0, points=points, shape_function=shape_function, ghost=ghost)
+
+
+def cell_map(model: Model) -> CellMap:
+    part = model.stiffness.maps[0]
+    assert isinstance(part, CellMap)
+    return part
+
+
+def scattered() -> MaterialPoints:
+    """No two points alike: moved at random, with volumes of their own."""
+    points, rng = seed(HOLED, (0.5, 0.5)), np.random.default_rng(0)
+    p = len(points.x)
+    return MaterialPoints(points.x + rng.uniform(-0.2, 0.2, (p, 2)), rng.uniform(0.1, 0.3, p), points.half_length)
+
+
+@pytest.mark.parametrize("shape_function", SHAPE_FUNCTIONS, ids=lambda f: f.__name__)
+@pytest.mark.parametrize("arrangement", ["seeded", "moved", "scattered"])
+def test_stiffness_by_cells(shape_function: ShapeFunction, arrangement: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The entries of the sparse map, whatever the arrangement, with a ghost penalty and without."""
+    points = {"seeded": seed(HOLED, (0.5, 0.5)), "scattered": scattered()}
+    points["moved"] = points["seeded"].moved((0.3, 0.1))
+    moduli = np.random.default_rng(1).random(len(points[arrangement].x))
+    for ghost in (0.0, 0.1) if shape_function in (tent, gimp) else (0.0,):
+        small = model_of(shape_function, points[arrangement], ghost).stiffness
+        with monkeypatch.context() as patch:
+            patch.setattr("mpmtop.stiffness.BY_CELL", 0)
+            model = model_of(shape_function, points[arrangement], ghost)
+        np.testing.assert_array_equal(model.stiffness.row, small.row)
+        np.testing.assert_array_equal(model.stiffness.col, small.col)
+        entries = small.data(moduli)
+        # rounding of positions, and sums in another order
+        np.testing.assert_allclose(model.stiffness.data(moduli), entries, rtol=0, atol=1e-13 * np.abs(entries).max())
+        assert abs(model.stiffness.data_map - small.data_map).max() < 1e-13 * abs(small.data_map).max()
+        kinds = len(cell_map(model).local)
+        assert kinds == len(moduli) if arrangement == "scattered" else kinds <= 36  # B-splines differ at the ends
+
+
+@pytest.mark.usefixtures("large")
+def test_memory_of_the_map_does_not_grow_with_points() -> None:
+    """A lattice has four distinct points, however many there are; a point takes a sixth of the sparse map's memory."""
+    sizes = []
+    for n in (20, 40):
+        model = discretise(cantilever(n, n // 2), 1.0)
+        part = cell_map(model)
+        assert len(part.local) == 4
+        sizes.append(sum(a.nbytes for a in (part.point, part.start, part.kind, part.local, part.entry)))
+    assert sizes[1] / sizes[0] == pytest.approx(4, rel=0.05)  # the start of the cells and the four matrices
+    assert 6 * sizes[1] < sum(a.nbytes for a in (part.tocsr().data, part.tocsr().indices))
+
+
+@pytest.mark.parametrize("radius", [0.4, 1.3, 1.5, 30.0])
+@pytest.mark.parametrize("spacing", [(0.5, 0.5), (0.25, 1.0)])
+def test_filter_by_convolution(radius: float, spacing: tuple[float, float], monkeypatch: pytest.MonkeyPatch) -> None:
+    """The pair search's filter, around a hole, from below one spacing to beyond the body; and its adjoint."""
+    points = seed(HOLED, spacing)
+    W = density_filter(points, radius)
+    monkeypatch.setattr("mpmtop.design.BY_CONVOLUTION", 0)
+    by_lattice = density_filter(points, radius)
+    assert not isinstance(by_lattice.matrix, type(W.matrix))
+    x, y = np.random.default_rng(2).random((2, len(points.x)))
+    # values of order one, rounding of a transform
+    np.testing.assert_allclose(by_lattice(x), W(x), rtol=0, atol=1e-14)
+    np.testing.assert_allclose(by_lattice.adjoint(y), W.adjoint(y), rtol=0, atol=1e-13)
+    assert y @ by_lattice(x) == pytest.approx(by_lattice.adjoint(y) @ x, rel=1e-14)
+
+
+@pytest.mark.parametrize("over_passive", [False, True])
+def test_passive_filter_by_convolution(over_passive: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    points = seed(HOLED, (0.5, 0.5))
+    x = points.x[:, 0]
+    space = DesignSpace(x < 1.5, x > 11)
+    W = passive_filter(points, 1.3, space, over_passive=over_passive)
+    monkeypatch.setattr("mpmtop.design.BY_CONVOLUTION", 0)
+    by_lattice = passive_filter(points, 1.3, space, over_passive=over_passive)
+    rng = np.random.default_rng(3)
+    design, gradient = rng.random(len(space.active)), rng.random(len(x))
+    np.testing.assert_allclose(by_lattice(design), W(design), rtol=0, atol=1e-14)
+    np.testing.assert_allclose(by_lattice.adjoint(gradient), W.adjoint(gradient), rtol=0, atol=1e-13)
+
+
+@pytest.mark.usefixtures("large")
+def test_only_a_lattice_is_convolved() -> None:
+    """Points moved singly, of unequal volume, or in one place are searched in pairs: a sparse matrix, as for few."""
+    points = seed(HOLED, (0.5, 0.5))
+    one = np.zeros_like(points.x)
+    one[7, 0] = 0.01
+    onto_the_next = np.zeros_like(points.x)
+    onto_the_next[0] = points.x[1] - points.x[0]
+    for other in (scattered(), points.moved(one), points.moved(onto_the_next)):
+        assert density_filter(other, 1.3).matrix.nnz > len(points.x)
+
+
+@pytest.mark.usefixtures("large")
+def test_plan_and_fingerprint() -> None:
+    """Large problems are told apart, too: by radius, by the place of their points, by shape function."""
+    scene = cantilever(12, 8)
+    problems = [
+        DesignProblem(discretise(scene, 1.0)),
+        DesignProblem(discretise(cantilever(12, 8, filter_radius=1.6), 1.0)),
+    ]
+    problems += [DesignProblem(discretise(scene, 1.0, shape_function=bspline2))]
+    assert len({problem.fingerprint for problem in problems}) == 3
+    assert problems[0].fingerprint == DesignProblem(discretise(scene, 1.0)).fingerprint
+    text = plan(problems[0])
+    assert "by 96 cells and 4 distinct matrices" in text
+    assert "filter: a convolution" in text
+
+
+def test_a_large_body() -> None:
+    """Sixty thousand points: every choice by size at once; dC/dlnE sums to -C, and the filter keeps the volume."""
+    model = discretise(cantilever(300, 150, filter_radius=6.0), 1.0, ppc=(1, 2))
+    problem = DesignProblem(model)
+    assert isinstance(model.solver, MultigridCG)
+    assert isinstance(model.stiffness.maps[0], CellMap)
+    at = problem.evaluate(problem.x0)
+    assert at.state.newton_steps == 1
+    assert at.rho == pytest.approx(0.4, rel=1e-13)
+    by_moduli = problem.objective.gradient(model, at.state, at.rho)[1]
+    assert at.state.moduli @ by_moduli == pytest.approx(-at.objective, rel=1e-6)  # the solver's tolerance
