@@ -1,6 +1,6 @@
 # Two commands: `make validate` regenerates the report, `make test` runs the tests. Python 3.11+, make and git suffice.
 PYTHON ?= python3
-# studies run beside each other, one process for each core
+# studies and tests run beside each other, one process for each core
 JOBS ?= auto
 BIN := .venv/bin
 # one thread per process: a second BLAS thread gains little at these sizes and loses much on a busy machine
@@ -8,13 +8,17 @@ export OPENBLAS_NUM_THREADS ?= 1
 export OMP_NUM_THREADS ?= 1
 export MKL_NUM_THREADS ?= 1
 
-.PHONY: validate test lint lock clean
+.PHONY: validate benchmark test lint lock clean
 
 validate: .venv/installed
 	$(BIN)/python -m pytest validation -n $(JOBS) --dist loadfile
 
+# the finest levels, minutes each; one process, so that CPU times are not those of a crowded machine
+benchmark: .venv/installed
+	$(BIN)/python -m pytest validation -m benchmark --benchmark
+
 test: .venv/installed
-	$(BIN)/python -m pytest tests
+	$(BIN)/python -m pytest tests -n $(JOBS)
 
 lint: .venv/installed
 	$(BIN)/ruff check . && $(BIN)/ruff format --check . && $(BIN)/mypy

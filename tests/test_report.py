@@ -47,6 +47,12 @@ from validation.metrics import draw_design
 conftest.SHOWN_AFTER = 0.05
 
 
+@pytest.mark.benchmark
+def test_finest(report):
+    """The finest level."""
+    report.check("finest", 1.5, source="none")
+
+
 @pytest.mark.parametrize("shape, jump", [("tent", 1.13), ("GIMP", 1.02)])
 def test_jump(report, progress, shape, jump):
     """Jump of the tip displacement."""
@@ -66,6 +72,11 @@ def test_optimum(report):
     report.table("wide", wide, "A table wider than a phone")
     report.check("not a number", float("nan"), at_most=1.0, source="none")
     assert report.timing("speed-up", 2.5, at_least=2, source="our choice")
+    report.timed.text("Least **CPU time**.")
+    report.timed.table("seconds", pd.DataFrame({"CPU seconds": [8.125]}), "Measured seconds")
+    figure, ax = plt.subplots()
+    ax.plot([8.125, 9.5])
+    report.timed.figure("clock", figure, "Seconds against error")
     raise RuntimeError("after its claims")
 
 
@@ -121,7 +132,11 @@ def rerun(pytester: pytest.Pytester, *arguments: str) -> str:
 def committed(reports: Path) -> dict[str, bytes]:
     """Content of the files of a report that are kept with the code."""
     local = {"timings.md", "timings.csv", "provenance.json"}
-    files = [file for file in reports.rglob("*.*") if file.suffix != ".html" and file.name not in local]
+    files = [
+        file
+        for file in reports.rglob("*.*")
+        if file.suffix != ".html" and file.name not in local and file.parent.name != "timed"
+    ]
     return {str(file.relative_to(reports)): file.read_bytes() for file in files}
 
 
@@ -133,7 +148,7 @@ def claims(reports: Path) -> list[dict[str, str]]:
 def studied(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
     """A folder of two studies that were run once, and what pytest printed."""
     folder = tmp_path_factory.mktemp("studies")
-    (folder / "pytest.ini").write_text("[pytest]\n")
+    (folder / "pytest.ini").write_text("[pytest]\nmarkers = benchmark\n")
     (folder / "test_crossing.py").write_text(CROSSING)
     (folder / "test_other.py").write_text(OTHER)
     (folder / LOCKED).parent.mkdir()
@@ -222,6 +237,37 @@ def test_measured_times_stay_out_of_what_is_committed(studied: tuple[Path, str])
     assert str(studied[0]) not in text
 
 
+def test_measured_seconds_are_shown_with_their_machine(studied: tuple[Path, str]) -> None:
+    reports = studied[0] / "reports"
+    assert (reports / "timed" / ".gitignore").read_text() == "*\n"  # of its own: no seconds reach a commit
+    assert "8.125" in (reports / "timed" / "crossing_seconds.csv").read_text()
+    assert not [file for file, content in committed(reports).items() if b"8.125" in content]
+    machine = json.loads((reports / "data" / "provenance.json").read_text())["machine"]
+    assert "logical cores, BLAS threads: " in machine
+    page, text = (html.unescape((reports / f"timings.{suffix}").read_text()) for suffix in ("html", "md"))
+    for shown in (machine, "8.125", "Seconds against error", "Optimised compliance"):
+        assert shown in page
+        assert shown in text
+    assert page.count("data:image/svg+xml") == 1
+    assert "(timed/crossing_clock.svg)" in text
+
+
+def test_benchmarks_run_only_when_asked_for(studied: tuple[Path, str], pytester: pytest.Pytester) -> None:
+    reports = pytester.path / "reports"
+    shutil.copytree(studied[0], pytester.path, dirs_exist_ok=True)
+    assert "2 skipped" in studied[1]  # the other one skips itself
+    assert "1 of 6 claims run" in rerun(pytester, "--benchmark", "-m", "benchmark")
+    assert "5 of 6 claims run" in rerun(pytester)  # and what it had recorded stays
+    assert "finest" in {row["claim"] for row in claims(reports)}
+
+
+def test_quick_leaves_slow_tests_out(pytester: pytest.Pytester) -> None:
+    pytester.makepyfile(test_plain="import pytest\n@pytest.mark.slow\ndef test_slow(): pass\ndef test_fast(): pass")
+    pytester.makeini("[pytest]\nmarkers = slow")
+    assert "1 passed, 1 skipped" in rerun(pytester, "--quick")
+    assert "2 passed" in rerun(pytester)
+
+
 def test_pages_need_nothing_but_themselves(studied: tuple[Path, str]) -> None:
     pages = list((studied[0] / "reports").glob("*.html"))
     assert {page.stem for page in pages} == {"index", "timings", "crossing", "other"}
@@ -259,6 +305,7 @@ def test_a_partial_run_keeps_what_it_did_not_run(studied: tuple[Path, str], pyte
     assert not (reports / "other.html").exists()
     assert {row["claim"] for row in claims(reports)} == {"jump, tent | solid", "jump, GIMP | solid"}
     assert "speed-up" not in (reports / "data" / "timings.csv").read_text()
+    assert not list((reports / "timed").glob("*.*"))
 
 
 def test_nothing_is_written_without_a_study(pytester: pytest.Pytester) -> None:
@@ -389,3 +436,25 @@ def test_pages_fit_a_phone_and_print(studied: tuple[Path, str], tmp_path: Path) 
     pdf = (tmp_path / "page.pdf").read_bytes()
     assert pdf.startswith(b"%PDF")
     assert b"/Image" in pdf  # the figure's points
+
+
+CRASHING = '''
+"""A study whose test ends its process"""
+import os
+
+def test_crash(report):
+    """Crash"""
+    if "CRASH" in os.environ:
+        os._exit(3)
+    assert report.check("claim", 1, 1, source="ours")
+'''
+
+
+def test_a_crash_is_seen_in_the_report(pytester: pytest.Pytester, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What an earlier run recorded must not stand there as if it had been confirmed."""
+    pytester.makepyfile(test_crashing=CRASHING)
+    rerun(pytester)
+    monkeypatch.setenv("CRASH", "1")
+    monkeypatch.setenv("PYTHONPATH", str(ROOT))
+    pytester.runpytest_subprocess(*OPTIONS, "-n", "1", "--max-worker-restart=0")
+    assert "a crash of the process" in (pytester.path / "reports" / "crashing.md").read_text()

@@ -10,7 +10,6 @@ from scipy.sparse.linalg import LinearOperator, eigsh
 from mpmtop.equilibrium import Equilibrium, Model
 from mpmtop.scene import Array
 
-
 CERTAIN = 1e14
 """Beyond this no digit of a condition number is certain."""
 

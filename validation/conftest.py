@@ -33,8 +33,19 @@ from rich.console import Console
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from validation.metrics import STYLE
-from validation.report import Ran, Report, Study, merge, merge_timings, read, read_timings
-from validation.templates import count, holding, publish
+from validation.report import (
+    Ran,
+    Report,
+    Study,
+    marked,
+    merge,
+    merge_timed,
+    merge_timings,
+    read,
+    read_timed,
+    read_timings,
+)
+from validation.templates import Measured, count, holding, publish
 
 Item = TypeVar("Item")
 SHOWN_AFTER = 2.0  # [s] an iteration shorter than this needs no progress line
@@ -50,6 +61,7 @@ class Run:
     files: set[str] = field(default_factory=set)
     reports: dict[pytest.Function, Report] = field(default_factory=dict)
     received: list[Ran] = field(default_factory=list)  # from the workers of pytest-xdist
+    crashed: set[tuple[Path, str]] = field(default_factory=set)  # module and test that ended a worker
     summary: list[str] = field(default_factory=list)
     progress: Progress | None = None  # of the running test
 
@@ -71,6 +83,8 @@ class ShowProgress(Protocol):
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--reports", metavar="DIR", help="folder the validation report is written to (default: reports)")
+    parser.addoption("--benchmark", action="store_true", help="run the tests marked `benchmark`, too: minutes each")
+    parser.addoption("--quick", action="store_true", help="skip the tests marked `slow`")
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -83,6 +97,18 @@ def pytest_unconfigure(config: pytest.Config) -> None:
     terminal = config.stash[RUN].terminal
     if terminal is not None:
         terminal.close()
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Skip what was not asked for; what the report recorded of it stays."""
+    left_out = {
+        "benchmark": (not config.getoption("--benchmark", False), "finest levels: run by --benchmark"),
+        "slow": (config.getoption("--quick", False), "slow: left out by --quick"),
+    }
+    for name, (skipped, reason) in left_out.items():
+        for item in items:
+            if skipped and item.get_closest_marker(name):
+                item.add_marker(pytest.mark.skip(reason=reason))
 
 
 @pytest.hookimpl(tryfirst=True)
@@ -105,7 +131,22 @@ def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[None]) ->
             del reports[item]  # it did not run: what an earlier run recorded stays
         elif not reports[item].ended_by:
             reports[item].ended_by = call.excinfo.typename
+    if call.when == "teardown" and item in reports and hasattr(item.config, "workeroutput"):
+        # test by test, so that a crash of the worker loses no more than the test that made it crash
+        outcome.user_properties.append(("ran", pickle.dumps(_ran(item, reports[item]))))
     return outcome
+
+
+def pytest_runtest_logreport(report: Any) -> None:
+    """Take over what a worker of pytest-xdist recorded of a test, or that the test made it crash."""
+    node = getattr(report, "node", None)
+    if node is None:
+        return
+    run: Run = node.config.stash[RUN]
+    run.received += [pickle.loads(ran) for name, ran in report.user_properties if name == "ran"]
+    if report.when == "???":  # pytest-xdist's word for a test whose worker did not come back
+        path, _, function = report.nodeid.partition("::")
+        run.crashed.add((node.config.rootpath / path, function.partition("[")[0]))
 
 
 @pytest.fixture
@@ -189,25 +230,23 @@ def progress(pytestconfig: pytest.Config) -> ShowProgress:
     return show
 
 
-@pytest.hookimpl(optionalhook=True)
-def pytest_testnodedown(node: Any) -> None:
-    """Take over what a worker of pytest-xdist recorded; nothing if it crashed."""
-    node.config.stash[RUN].received += pickle.loads(node.workeroutput["ran"]) if hasattr(node, "workeroutput") else []
-
-
 def pytest_sessionfinish(session: pytest.Session) -> None:
     run = session.config.stash[RUN]
     ran = run.received + [_ran(item, report) for item, report in run.reports.items()]
-    if hasattr(session.config, "workeroutput"):
-        session.config.workeroutput["ran"] = pickle.dumps(ran)
+    if hasattr(session.config, "workeroutput") or not (ran or run.crashed):
         return
-    if not ran:
-        return
+    ran.sort(key=lambda test: test.position)
     directory = Path(session.config.getoption("--reports", None) or session.config.rootpath / "reports").absolute()
     before = read(directory)
-    studies = _studies(ran, before)
+    studies = _studies(ran, run.crashed, before)
     reports = [test.report for test in ran]
-    timings = merge_timings(read_timings(directory), reports, studies)
+    provenance = _provenance(session.config, directory, time.perf_counter() - run.started)
+    timed_before = read_timed(directory)
+    measured = Measured(
+        merge_timings(read_timings(directory), reports, studies),
+        timed_before,
+        merge_timed(timed_before, reports, studies, provenance["machine"]),
+    )
     claims = [claim for study in studies for claim in study.claims]
     verdicts, (hold, checks) = count(claims), holding(claims)
     claims_run = f"{sum(len(report.claims) for report in reports)} of {len(claims)} claims run"
@@ -216,9 +255,9 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
         f"{claims_run}; paper: {verdicts['agrees']} agree, {verdicts['differs']} differ, {verdicts['not stated']} not "
         f"stated; our checks: {hold} of {checks} hold",
     ]
-    figures = {file: svg for report in reports for file, svg in report.figures.items()}
-    provenance = _provenance(session.config, directory, claims_run, time.perf_counter() - run.started)
-    publish(directory, list(before.values()), studies, timings, figures, provenance)
+    figures = {f"figures/{file}.svg": svg for report in reports for file, svg in report.figures.items()}
+    figures |= {f"timed/{file}.svg": svg for report in reports for file, svg in report.timed.figures.items()}
+    publish(directory, list(before.values()), studies, measured, figures, {"claims": claims_run} | provenance)
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: pytest.Config) -> None:
@@ -228,22 +267,24 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: p
 
 def _ran(item: pytest.Function, report: Report) -> Ran:
     module = item.module
-    return Ran(item.path.parent, module.__doc__, tuple(vars(module)), item.function.__doc__, report)
+    position = item.session.items.index(item)
+    return Ran(position, item.path.parent, module.__doc__, tuple(vars(module)), item.function.__doc__, report)
 
 
-def _studies(ran: Iterable[Ran], before: Mapping[str, Study]) -> list[Study]:
+def _studies(ran: Iterable[Ran], crashed: Iterable[tuple[Path, str]], before: Mapping[str, Study]) -> list[Study]:
     """The studies after this run, by name; those whose module is gone are left out."""
     by_study: dict[str, list[Ran]] = {}
     for test in ran:
         by_study.setdefault(test.report.study, []).append(test)
-    folders = {Path(__file__).parent, *(test.folder for test in ran)}
+    folders = {Path(__file__).parent, *(test.folder for test in ran), *(module.parent for module, _ in crashed)}
     present = {path.stem.removeprefix("test_") for folder in folders for path in folder.rglob("test_*.py")}
     studies = {name: study for name, study in before.items() if name in present}
     studies |= {name: merge(before.get(name), runs) for name, runs in by_study.items()}
-    return [studies[name] for name in sorted(studies)]
+    lost = {(module.stem.removeprefix("test_"), test) for module, test in crashed}
+    return [marked(studies[name], lost) for name in sorted(studies)]
 
 
-def _provenance(config: pytest.Config, directory: Path, claims: str, seconds: float) -> dict[str, str]:
+def _provenance(config: pytest.Config, directory: Path, seconds: float) -> dict[str, str]:
     """Where the report comes from: shown at the foot of the HTML pages only, as it differs from run to run."""
     root = config.rootpath
     # The report is what the run changes: only a change elsewhere makes its numbers another commit's.
@@ -256,13 +297,13 @@ def _provenance(config: pytest.Config, directory: Path, claims: str, seconds: fl
             packages.append(f"{name} {importlib.metadata.version(name)}")
     return {
         "commit": (commit or "not a git checkout") + (" with uncommitted changes" if changes else ""),
-        "claims": claims,
         "command": shlex.join(["pytest", *map(str, config.invocation_params.args)]),
         "date": datetime.now(UTC).isoformat(sep=" ", timespec="seconds"),
         "duration": f"{seconds:.1f} s",
         "python": platform.python_version(),
         "packages": ", ".join(packages),
-        "machine": f"{platform.system()} {platform.machine()}, {_processor()}, {os.cpu_count()} logical cores",
+        "machine": f"{platform.system()} {platform.machine()}, {_processor()}, {os.cpu_count()} logical cores, "
+        f"BLAS threads: {os.environ['OPENBLAS_NUM_THREADS']}",
     }
 
 

@@ -11,14 +11,18 @@ from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
+from skfem import CellBasis, LinearForm
+from skfem.helpers import dot
 
 from mpmtop.grid import Grid
 from mpmtop.linear_solver import choose_solver
 from mpmtop.material import tangent
 from mpmtop.points import MaterialPoints, seed
-from mpmtop.scene import Array, Index, Material, Rectangle, Region
+from mpmtop.scene import Array, Difference, Index, Material, PointLoad, Rectangle, Region, Scene, Support
 from mpmtop.shape_functions import ShapeFunction, bspline2, bspline3
 from mpmtop.transfer import Transfer, transfer
+from reference_fem.elasticity import FemModel, fem_model, inverse_stiffness
+from reference_fem.mesh import lattice, vector_basis
 from validation.crossing import Crossing
 from validation.scenes import H
 
@@ -101,7 +105,7 @@ class DeformedWave:
 
 
 class Errors(NamedTuple):
-    """Relative L2 errors of displacement and stress at the points in the square."""
+    """Relative L2 errors of displacement and stress."""
 
     displacement: float
     stress: float
@@ -130,13 +134,50 @@ def held_analysis(inside: Index, u: Array, f: Array, B: sp.csr_array, VDB: sp.cs
     return g
 
 
-def errors(
-    cells: int, shape_function: ShapeFunction, crossing: Crossing, *, ppc: int = 2, curvature: float | None = None
-) -> Errors:
-    """Errors, sqrt(sum V |e|^2 / sum V |exact|^2), with `cells` per side and points moved by `crossing`.
+@dataclass(frozen=True, eq=False)
+class Analysis:
+    """The square of `cells` cells per side, analysed: points and operators, degrees of freedom `inside` (n,) that were
+    solved for, and displacements u (2a,)."""
 
-    There are ppc x ppc points per cell, and body forces act where they have been moved to. The stress is measured as a
-    tensor, sigma_xy counted twice. `curvature` is that of `coefficients`, by default the shape function's.
+    cells: int
+    points: MaterialPoints
+    operators: Transfer
+    VDB: sp.csr_array
+    inside: Index
+    u: Array
+
+    @property
+    def errors(self) -> Errors:
+        """sqrt(sum V |e|^2 / sum V |exact|^2) over the points in the square."""
+        side = self.cells * H
+        measured = Rectangle((0.0, 0.0), (side, side)).contains(self.points.x)
+        expected = exact(self.points.x, side)
+        u, stress = self.operators.interpolate(self.u), self.operators.strain(self.u) @ tangent(MATERIAL)
+        return relative_errors(
+            u[measured], stress[measured], expected.u[measured], expected.stress[measured], self.points.volume[measured]
+        )
+
+
+def relative_errors(u: Array, stress: Array, exact_u: Array, exact_stress: Array, weight: Array) -> Errors:
+    """Errors of u (p, 2) and stress (p, 3), relative, by the weights (p,) of the positions.
+
+    The stress is measured as a tensor, sigma_xy counted twice.
+    """
+
+    def relative(value: Array, reference: Array, components: Array) -> float:
+        error, size = (weight @ (field**2 @ components) for field in (value - reference, reference))
+        return float(np.sqrt(error / size))
+
+    return Errors(relative(u, exact_u, np.ones(2)), relative(stress, exact_stress, np.array([1.0, 1.0, 2.0])))
+
+
+def analysis(
+    cells: int, shape_function: ShapeFunction, crossing: Crossing, *, ppc: int = 2, curvature: float | None = None
+) -> Analysis:
+    """Material points, ppc x ppc per cell, with `cells` cells per side and points moved by `crossing`.
+
+    Body forces act where the points have been moved to. `curvature` is that of `coefficients`, by default the shape
+    function's.
     """
     side = cells * H
     square = Rectangle((0.0, 0.0), (side, side))
@@ -148,19 +189,64 @@ def errors(
     inside = np.flatnonzero(np.repeat(square.contains(position, -1e-9 * H), 2))
     curvature = CURVATURE.get(shape_function, 0.0) if curvature is None else curvature
 
-    expected = exact(points.x, side)
-    f = operators.N_matrix.T @ (points.volume[:, None] * expected.body_force)
+    f = operators.N_matrix.T @ (points.volume[:, None] * exact(points.x, side).body_force)
     given = coefficients(position, side, curvature)
-    u = held_analysis(inside, given.ravel(), f.ravel(), operators.B, stiffness_product(points, operators))
+    VDB = stiffness_product(points, operators)
+    u = held_analysis(inside, given.ravel(), f.ravel(), operators.B, VDB)
+    return Analysis(cells, points, operators, VDB, inside, u)
 
-    measured = square.contains(points.x)
-    weight = points.volume[measured, None]
 
-    def relative(value: Array, reference: Array, components: Array) -> float:
-        error, size = ((weight * components * field[measured] ** 2).sum() for field in (value - reference, reference))
-        return float(np.sqrt(error / size))
+def errors(
+    cells: int, shape_function: ShapeFunction, crossing: Crossing, *, ppc: int = 2, curvature: float | None = None
+) -> Errors:
+    """Errors of material points at themselves; arguments as for `analysis`."""
+    return analysis(cells, shape_function, crossing, ppc=ppc, curvature=curvature).errors
 
-    return Errors(
-        relative(operators.interpolate(u), expected.u, np.ones(2)),
-        relative(operators.strain(u) @ tangent(MATERIAL), expected.stress, np.array([1.0, 1.0, 2.0])),
+
+@dataclass(frozen=True, eq=False)
+class FiniteElementAnalysis:
+    """The square of `cells` elements per side: model and displacements u (N,)."""
+
+    cells: int
+    model: FemModel
+    u: Array
+
+    @property
+    def errors(self) -> Errors:
+        """L2 errors by 4 x 4 Gauss points in each element, none of which is one where stress converges faster."""
+        basis = self.model.basis
+        fine = CellBasis(basis.mesh, basis.elem, intorder=7, dofs=basis.dofs)
+        field = fine.interpolate(self.u)
+        grad = field.grad
+        strain = np.stack([grad[0, 0], grad[1, 1], grad[0, 1] + grad[1, 0]], axis=-1).reshape(-1, 3)
+        expected = exact(np.asarray(fine.global_coordinates()).reshape(2, -1).T, self.cells * H)
+        u = np.asarray(field).reshape(2, -1).T
+        return relative_errors(u, strain @ tangent(MATERIAL), expected.u, expected.stress, fine.dx.ravel())
+
+
+def finite_elements(cells: int, order: int) -> FiniteElementAnalysis:
+    """Bilinear (order 1) or biquadratic (2) elements of size h, held at the exact values on the square's boundary."""
+    side = cells * H
+    square = Rectangle((0.0, 0.0), (side, side))
+    everywhere = Rectangle((-np.inf, -np.inf), (np.inf, np.inf))
+    # a scene asks for a load; the body force takes its place
+    scene = Scene(
+        "square, held",
+        square,
+        (Support(Difference(everywhere, square)),),
+        (PointLoad((0.0, 0.0), (1.0, 0.0), 0),),
+        1.0,
+        MATERIAL,
     )
+    basis = vector_basis(lattice(square.bounds, np.array([H, H])), order)
+    fine = CellBasis(basis.mesh, basis.elem, intorder=2 * order + 2, dofs=basis.dofs)
+    b = exact(np.asarray(fine.global_coordinates()).reshape(2, -1).T, side).body_force.T.reshape(2, *fine.dx.shape)
+    model = fem_model(scene, basis, LinearForm(lambda v, w: dot(w.b, v)).assemble(fine, b=b))
+    u = np.zeros(basis.N)
+    for a, dofs in enumerate(basis.split_indices()):
+        u[dofs] = exact(basis.doflocs[:, dofs].T, side).u[:, a]
+    u[model.free] = 0
+    local = np.einsum("eij,je->ie", model.matrices[model.shape], u[basis.element_dofs])
+    lifted = model.f_ext - np.bincount(basis.element_dofs.ravel(), local.ravel(), basis.N)
+    u[model.free] = inverse_stiffness(model, np.ones(len(model.area)))(lifted)[model.free]
+    return FiniteElementAnalysis(cells, model, u)

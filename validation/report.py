@@ -3,7 +3,8 @@
 A study is a module `test_<study>.py`; each of its test functions is a section. Sections are kept in one JSON store per
 study, `data/<study>.json`; every page and table is a function of the stores, so a run of part of the studies replaces
 the sections that ran and leaves the rest as they were. Stores, Markdown, CSV and SVG are the same on every run of one
-commit; what depends on the clock or the machine (HTML, timings, provenance) is written beside them and not committed.
+commit; what depends on the clock or the machine (HTML, timings, provenance) is written beside them and not committed:
+tables and figures of seconds in `timed/`, a folder that git passes over.
 """
 
 import csv
@@ -12,7 +13,7 @@ import json
 import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from inspect import cleandoc
 from pathlib import Path
 from typing import Any, Literal, TypeVar
@@ -27,6 +28,7 @@ Value = float | int | bool | str
 Block = TypeVar("Block")
 Verdict = Literal["agrees", "differs", "not stated"]
 RESERVED = ("index", "timings", "provenance", "claims")  # names of the report's own files
+TIMED = "timed/sections.json"
 CLAIM_COLUMNS = ("study", "claim", "observed", "expected", "rtol", "source", "verdict")
 TIMING_COLUMNS = ("study", "test", "claim", "ratio", "expected", "source", "verdict")
 
@@ -89,6 +91,16 @@ class Section:
 
 
 @dataclass(frozen=True)
+class Timed:
+    """What one test function recorded of measured times, and the machine they were measured on."""
+
+    study: str
+    test: str
+    machine: str
+    blocks: list[Text | Table | Drawing]
+
+
+@dataclass(frozen=True)
 class Study:
     """Sections in the order of the functions of `test_<name>.py`; title and introduction are its docstring."""
 
@@ -103,19 +115,15 @@ class Study:
         return [claim for section in self.sections for claim in section.claims]
 
 
-class Report:
-    """Recorder of one test: text, tables, figures and claims become its part of the study's page.
+class Recorder:
+    """Text, tables and figures in the order they come in.
 
-    Claims, captions and sources are inline Markdown. Numbers are rounded to significant digits as they come in, so that
-    the committed text is stable; verdicts are of the numbers before rounding. `files` holds the names already taken.
+    Captions are inline Markdown. Numbers are rounded to significant digits as they come in, so that committed text is
+    stable. `files` holds the names already taken.
     """
 
-    def __init__(self, study: str, test: str, files: set[str]) -> None:
-        if study in RESERVED:
-            raise ValueError(f"a study cannot be called {study!r}, a file of the report: rename its module")
-        self.study, self.test, self.ended_by, self._files = study, test, "", files
-        self.claims: list[Claim] = []
-        self.timings: list[dict[str, str]] = []
+    def __init__(self, study: str, files: set[str]) -> None:
+        self.study, self._files = study, files
         self.blocks: list[Text | Table | Drawing] = []
         self.figures: dict[str, bytes] = {}
 
@@ -140,6 +148,32 @@ class Report:
         plt.close(figure)
         self.figures[file] = svg.getvalue()
         self.blocks.append(Drawing(file, caption))
+
+    def _take(self, name: str, suffix: str) -> str:
+        file = f"{self.study}_{name}"
+        if not re.fullmatch(r"[\w-]+", name, re.ASCII):
+            raise ValueError(f"{name!r} becomes a file name: use letters, digits, _ and - only")
+        if f"{file}.{suffix}" in self._files:
+            raise ValueError(f"{file}.{suffix} is already recorded: give each table and figure of a study its own name")
+        self._files.add(f"{file}.{suffix}")
+        return file
+
+
+class Report(Recorder):
+    """Recorder of one test: text, tables, figures and claims become its part of the study's page.
+
+    Claims and sources are inline Markdown; verdicts are of the numbers before rounding. What `timed` records depends on
+    the clock: it becomes the test's part of the timings page, which is not committed.
+    """
+
+    def __init__(self, study: str, test: str, files: set[str]) -> None:
+        if study in RESERVED:
+            raise ValueError(f"a study cannot be called {study!r}, a file of the report: rename its module")
+        super().__init__(study, files)
+        self.test, self.ended_by = test, ""
+        self.claims: list[Claim] = []
+        self.timings: list[dict[str, str]] = []
+        self.timed = Recorder(study, files)
 
     def check(
         self,
@@ -181,15 +215,6 @@ class Report:
         self.timings.append(dict(zip(TIMING_COLUMNS, map(str, row), strict=True)))
         return holds
 
-    def _take(self, name: str, suffix: str) -> str:
-        file = f"{self.study}_{name}"
-        if not re.fullmatch(r"[\w-]+", name, re.ASCII):
-            raise ValueError(f"{name!r} becomes a file name: use letters, digits, _ and - only")
-        if f"{file}.{suffix}" in self._files:
-            raise ValueError(f"{file}.{suffix} is already recorded: give each table and figure of a study its own name")
-        self._files.add(f"{file}.{suffix}")
-        return file
-
 
 def _holds(
     observed: Value, expected: Value | None, rtol: float | None, at_least: float | None, at_most: float | None
@@ -211,9 +236,10 @@ def plain(value: Any, digits: int = 6) -> Value:
 
 @dataclass(frozen=True)
 class Ran:
-    """A test function that ran, fit to pass from one process to another: its module's folder, docstring and names in
-    their order, its own docstring and its recorder."""
+    """A test function that ran, fit to pass from one process to another: its place in the collection, its module's
+    folder, docstring and names in their order, its own docstring and its recorder."""
 
+    position: int
     folder: Path
     module: str | None
     names: tuple[str, ...]
@@ -242,6 +268,16 @@ def merge(old: Study | None, runs: Sequence[Ran]) -> Study:
     return Study(name, *_headed(runs[0].module, name), [known[test] for test in runs[0].names if test in known])
 
 
+def marked(study: Study, crashed: Iterable[tuple[str, str]]) -> Study:
+    """The study with the sections of tests that ended their process marked so, whatever they held before."""
+    tests = {test for name, test in crashed if name == study.name}
+    sections = [
+        replace(section, ended_by="a crash of the process") if section.test in tests else section
+        for section in study.sections
+    ]
+    return replace(study, sections=sections)
+
+
 def _headed(docstring: str | None, name: str) -> tuple[str, str]:
     """First line and rest of a docstring; without one, the name in words."""
     title, _, text = cleandoc(docstring or name.removeprefix("test_").replace("_", " ").capitalize()).partition("\n")
@@ -254,13 +290,17 @@ def read(directory: Path) -> dict[str, Study]:
     return {path.stem: _read_study(path) for path in stores if path.stem not in RESERVED}
 
 
+def _read_blocks(stored: Iterable[Mapping[str, Any]]) -> list[Text | Table | Drawing]:
+    kinds: dict[str, type[Text | Table | Drawing]] = {"text": Text, "table": Table, "figure": Drawing}
+    return [kinds[block["kind"]](**block) for block in stored]
+
+
 def _read_study(path: Path) -> Study:
-    blocks: dict[str, type[Text | Table | Drawing]] = {"text": Text, "table": Table, "figure": Drawing}
     try:
         stored = json.loads(path.read_text("utf-8"))
         for section in stored["sections"]:
             section["claims"] = [Claim(**claim) for claim in section["claims"]]
-            section["blocks"] = [blocks[block["kind"]](**block) for block in section["blocks"]]
+            section["blocks"] = _read_blocks(section["blocks"])
         return Study(**stored | {"sections": [Section(**section) for section in stored["sections"]]})
     except (ValueError, KeyError, TypeError) as error:
         raise ValueError(f"{path} is not a store of this report: delete it, or restore the committed one") from error
@@ -284,6 +324,38 @@ def merge_timings(
     return sorted(rows, key=lambda row: tests.index((row["study"], row["test"])))
 
 
+def read_timed(directory: Path) -> list[Timed]:
+    """What was measured so far on this machine."""
+    path = directory / TIMED
+    stored = json.loads(path.read_text("utf-8")) if path.exists() else []
+    return [Timed(**part | {"blocks": _read_blocks(part["blocks"])}) for part in stored]
+
+
+def merge_timed(old: Iterable[Timed], reports: Iterable[Report], studies: Iterable[Study], machine: str) -> list[Timed]:
+    """What the tests that ran measured on `machine`, and the old of the other tests, in the order of the studies."""
+    blocks: dict[tuple[str, str], list[Text | Table | Drawing]] = {}
+    for report in reports:
+        blocks.setdefault((report.study, report.test), []).extend(report.timed.blocks)
+    known = {(part.study, part.test): part for part in old}
+    known |= {(study, test): Timed(study, test, machine, measured) for (study, test), measured in blocks.items()}
+    tests = [(study.name, section.test) for study in studies for section in study.sections]
+    return [known[test] for test in tests if test in known and known[test].blocks]
+
+
+def timed_files(timed: Sequence[Timed]) -> dict[str, str]:
+    """Store and CSV files of measured times, text by path relative to the report, and what makes git pass them over."""
+    if not timed:
+        return {}
+    tables = [block for part in timed for block in part.blocks if isinstance(block, Table)]
+    files = {f"timed/{table.file}.csv": _csv(table.columns, table.rows) for table in tables}
+    return files | {TIMED: _json([asdict(part) for part in timed]), "timed/.gitignore": "*\n"}
+
+
+def timed_drawings(timed: Iterable[Timed]) -> set[str]:
+    """Paths, relative to the report, of the figures of measured times."""
+    return {f"timed/{block.file}.svg" for part in timed for block in part.blocks if isinstance(block, Drawing)}
+
+
 def data_files(studies: Sequence[Study], timings: Iterable[Mapping[str, str]]) -> dict[str, str]:
     """Stores and CSV files, text by path relative to the report."""
     claims = [
@@ -305,7 +377,7 @@ def _blocks(studies: Iterable[Study], kind: type[Block]) -> list[Block]:
     return [b for study in studies for section in study.sections for b in section.blocks if isinstance(b, kind)]
 
 
-def _json(stored: Mapping[str, Any]) -> str:
+def _json(stored: Any) -> str:
     return json.dumps(stored, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 
 

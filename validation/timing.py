@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -42,3 +42,18 @@ def iteration(problem: Problem[Any]) -> Work:
 def evaluation_with_gradient(problem: Problem[Any]) -> Work:
     """The start's evaluation and its gradient."""
     return lambda: problem.gradient(problem.evaluate(problem.x0))
+
+
+Result = TypeVar("Result")
+REPEATED_BELOW = 0.02
+"""CPU seconds in all below which a call is repeated, three times at most: caches warm up."""
+
+
+def measured(call: Callable[[], Result]) -> tuple[Result, float]:
+    """The result of a call and its CPU seconds, the median of a few calls if it is short."""
+    spent: list[float] = []
+    while len(spent) < 3 and sum(spent) < REPEATED_BELOW:
+        start = time.process_time()
+        result = call()
+        spent.append(time.process_time() - start)
+    return result, float(np.median(spent))

@@ -6,39 +6,61 @@ import os
 import re
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined, select_autoescape
 from markdown_it import MarkdownIt
 from markupsafe import Markup
 
-from validation.report import Claim, Study, Table, Value, data_files, drawings
+from validation.report import (
+    Claim,
+    Study,
+    Table,
+    Timed,
+    Value,
+    data_files,
+    drawings,
+    timed_drawings,
+    timed_files,
+)
 
 # Raw HTML and pictures in prose are off: a page must hold all it shows.
 _MARKDOWN = MarkdownIt("commonmark", {"html": False}).disable("image")
+
+
+@dataclass(frozen=True)
+class Measured:
+    """All that depends on the clock: ratios, and what tests recorded of times, before this run and after it."""
+
+    timings: Sequence[Mapping[str, str]]
+    timed_before: Sequence[Timed]
+    timed: Sequence[Timed]
 
 
 def publish(
     directory: Path,
     before: Sequence[Study],
     studies: Sequence[Study],
-    timings: Sequence[Mapping[str, str]],
+    measured: Measured,
     figures: Mapping[str, bytes],
     provenance: Mapping[str, str],
 ) -> None:
     """Write the report of `studies`, remove what only the studies `before` had, and touch nothing else in the folder.
 
-    `figures` holds the SVGs drawn in this run; those of sections that did not run are on disk.
+    `figures` holds the SVGs drawn in this run, by path; those of sections that did not run are on disk.
     """
-    for file, svg in figures.items():
-        replace(directory / "figures" / f"{file}.svg", svg)
-    files = data_files(studies, timings) | pages(studies, timings, directory, provenance)
+    for path, svg in figures.items():
+        replace(directory / path, svg)
+    files = data_files(studies, measured.timings) | timed_files(measured.timed)
+    files |= pages(studies, measured, directory, provenance)
     files["data/provenance.json"] = json.dumps(provenance, indent=1) + "\n"
     for path, text in files.items():
         replace(directory / path, text)
     former = {f"{study.name}.{suffix}" for study in before for suffix in ("md", "html")}
     former |= data_files(before, []).keys() | drawings(before)
-    for path in former - files.keys() - drawings(studies):
+    former |= timed_files(measured.timed_before).keys() | timed_drawings(measured.timed_before)
+    for path in former - files.keys() - drawings(studies) - timed_drawings(measured.timed):
         (directory / path).unlink(missing_ok=True)
 
 
@@ -52,7 +74,7 @@ def replace(path: Path, content: str | bytes) -> None:
 
 def pages(
     studies: Sequence[Study],
-    timings: Sequence[Mapping[str, str]],
+    measured: Measured,
     directory: Path,
     provenance: Mapping[str, str],
 ) -> dict[str, str]:
@@ -79,9 +101,10 @@ def pages(
         "words": words,
     }
     environment.globals |= {
-        "image": lambda file: image(directory / "figures" / f"{file}.svg"),
+        "image": lambda file, folder: image(directory / folder / f"{file}.svg"),
         "studies": studies,
-        "timings": timings,
+        "timings": measured.timings,
+        "timed": {(part.study, part.test): part for part in measured.timed},
         "provenance": provenance,
     }
     files = {}
