@@ -6,11 +6,15 @@ finds: Intel MKL's PARDISO, CHOLMOD, else SuperLU.
 
 from dataclasses import dataclass, field
 from typing import Any
+from unittest.mock import patch
 
+import matplotlib as mpl
 import numpy as np
-import pymoto
 
 from mpmtop.scene import Array, Scene
+
+with patch.object(mpl, "use"):  # pyMOTO asks for a window as it is imported; the report draws without one
+    import pymoto
 
 
 @dataclass(eq=False)
