@@ -25,7 +25,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from mpmtop.scene import Array, NotConverged
-from mpmtop.subproblem import SMALLEST, Subproblem, approximation, solve_subproblem
+from mpmtop.subproblem import AT_ONCE, SMALLEST, Subproblem, approximation, solve_subproblem
 
 MMA_CURVATURE = 1e-5  # rho of plain MMA
 LEAST_CURVATURE = 1e-6
@@ -242,26 +242,33 @@ def approximate(problem: Problem[E], state: State, f: Array, df: Array, rho: Arr
     sigma is half the range for two iterations, then 1.2 times the last where a variable went on in one direction and
     0.7 times where it turned, within 0.01 and 10 ranges. A tenth of sigma is kept to the asymptote.
     """
-    x, span = state.x, _range(problem)
+    n = len(state.x)
+    sub = Subproblem(f, np.empty((len(f), n)), np.empty((len(f), n)), np.empty(n), np.empty(n), np.empty(n))
+    span = _range(problem)
+    for first in range(0, n, AT_ONCE):
+        part = slice(first, first + AT_ONCE)
+        x, of_part = state.x[part], span[part]
+        sub.sigma[part] = sigma = _asymptotes(state, part, of_part)
+        floor = 0.001 * np.abs(df[:, part]) + rho[:, None] / of_part
+        sub.p[:, part] = 0.5 * sigma * (np.maximum(df[:, part], 0) + floor)
+        sub.q[:, part] = 0.5 * sigma * (np.maximum(-df[:, part], 0) + floor)
+        limit = np.minimum(0.9, move * of_part / sigma)
+        down = np.minimum(limit, (x - problem.lower[part]) / sigma)
+        up = np.minimum(limit, (problem.upper[part] - x) / sigma)
+        sub.r_min[part] = (1 - down) / (1 + down)
+        sub.r_max[part] = (1 + up) / (1 - up)
+    return sub
+
+
+def _asymptotes(state: State, part: slice, span: Array) -> Array:
+    """Distance sigma of the asymptotes from the variables of a part, whose range is `span`."""
     if state.iteration < 2:
-        sigma = 0.5 * span
-    else:
-        last, before = x - state.x_old, state.x_old - state.x_older
-        moved = np.minimum(np.abs(last), np.abs(before)) > STILL * span
-        trend = np.sign(last) * np.sign(before) * moved
-        factor = np.where(trend > 0, 1.2, np.where(trend < 0, 0.7, 1.0))
-        sigma = np.clip(factor * 0.5 * (state.upp - state.low), 0.01 * span, 10 * span)
-    floor = 0.001 * np.abs(df) + rho[:, None] / span
-    limit = np.minimum(0.9, move * span / sigma)
-    down, up = np.minimum(limit, (x - problem.lower) / sigma), np.minimum(limit, (problem.upper - x) / sigma)
-    return Subproblem(
-        f,
-        p=0.5 * sigma * (np.maximum(df, 0) + floor),
-        q=0.5 * sigma * (np.maximum(-df, 0) + floor),
-        sigma=sigma,
-        r_min=(1 - down) / (1 + down),
-        r_max=(1 + up) / (1 - up),
-    )
+        return 0.5 * span
+    last, before = state.x[part] - state.x_old[part], state.x_old[part] - state.x_older[part]
+    moved = np.minimum(np.abs(last), np.abs(before)) > STILL * span
+    trend = np.sign(last) * np.sign(before) * moved
+    factor = np.where(trend > 0, 1.2, np.where(trend < 0, 0.7, 1.0))
+    return np.clip(factor * 0.5 * (state.upp[part] - state.low[part]), 0.01 * span, 10 * span)
 
 
 def _range(problem: Problem[E]) -> Array:

@@ -219,7 +219,7 @@ def _ghost_plan(model: Model) -> str:
 def _stiffness_plan(model: Model) -> str:
     part = model.stiffness.maps[0]
     if isinstance(part, CellMap):
-        return f"by {len(part.entry)} cells and {len(part.local)} distinct matrices of points"
+        return f"by {len(part.place)} cells and {len(part.local)} distinct matrices of points"
     return "one sparse product each"
 
 

@@ -16,6 +16,8 @@ from mpmtop.scene import Array, NotConverged
 
 PENALTY = 1000.0  # c of the artificial variables
 SMALLEST = np.finfo(float).tiny
+AT_ONCE = 16_384
+"""Variables taken at a time, so that what is computed of them stays in the processor's cache."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,13 +44,18 @@ def dual(sub: Subproblem, lam: Array) -> tuple[Array, Array, Array]:
     lam, by dr / dlam_i = -(df~_i / dr) r / (2 p).
     """
     weights = np.concatenate(([1.0], lam))
-    p, q = weights @ sub.p, weights @ sub.q
-    r = np.minimum(np.maximum(np.sqrt(q / p), sub.r_min), sub.r_max)
-    inverse = 1 / r
-    value = sub.f + sub.p @ (r - 1) + sub.q @ (inverse - 1)
-    slope = sub.p[1:] - sub.q[1:] * (inverse * inverse)
-    free = (r > sub.r_min) & (r < sub.r_max)
-    return r, value, -(slope * (free * r / (2 * p))) @ slope.T
+    r, value, slopes = np.empty_like(sub.r_min), sub.f, np.zeros((len(lam), len(lam)))
+    for first in range(0, len(r), AT_ONCE):
+        part = slice(first, first + AT_ONCE)
+        p_i, q_i, r_min, r_max = sub.p[:, part], sub.q[:, part], sub.r_min[part], sub.r_max[part]
+        p, q = weights @ p_i, weights @ q_i
+        r[part] = ratio = np.minimum(np.maximum(np.sqrt(q / p), r_min), r_max)
+        inverse = 1 / ratio
+        value = value + p_i @ (ratio - 1) + q_i @ (inverse - 1)
+        slope = p_i[1:] - q_i[1:] * (inverse * inverse)
+        free = (ratio > r_min) & (ratio < r_max)
+        slopes -= (slope * (free * ratio / (2 * p))) @ slope.T
+    return r, value, slopes
 
 
 def solve_subproblem(sub: Subproblem) -> Array:

@@ -70,7 +70,7 @@ def test_memory_of_the_map_does_not_grow_with_points() -> None:
         model = discretise(cantilever(n, n // 2), 1.0)
         part = cell_map(model)
         assert len(part.local) == 4
-        sizes.append(sum(a.nbytes for a in (part.point, part.start, part.kind, part.local, part.entry)))
+        sizes.append(sum(a.nbytes for a in (part.point, part.start, part.kind, part.local, part.place)))
     assert sizes[1] / sizes[0] == pytest.approx(4, rel=0.05)  # the start of the cells and the four matrices
     assert 6 * sizes[1] < sum(a.nbytes for a in (part.tocsr().data, part.tocsr().indices))
 
