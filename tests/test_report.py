@@ -51,6 +51,7 @@ conftest.SHOWN_AFTER = 0.05
 def test_finest(report):
     """The finest level."""
     report.check("finest", 1.5, source="none")
+    report.timing("finest ratio", 6.75, source="none")
 
 
 @pytest.mark.parametrize("shape, jump", [("tent", 1.13), ("GIMP", 1.02)])
@@ -131,7 +132,7 @@ def rerun(pytester: pytest.Pytester, *arguments: str) -> str:
 
 def committed(reports: Path) -> dict[str, bytes]:
     """Content of the files of a report that are kept with the code."""
-    local = {"timings.md", "timings.csv", "provenance.json"}
+    local = {"timings.md", "provenance.json"}
     files = [
         file
         for file in reports.rglob("*.*")
@@ -229,7 +230,7 @@ def test_a_lock_misses_no_column(studied: tuple[Path, str]) -> None:
 
 def test_measured_times_stay_out_of_what_is_committed(studied: tuple[Path, str]) -> None:
     reports = studied[0] / "reports"
-    assert "2.5" in (reports / "data" / "timings.csv").read_text()
+    assert ",2.5,>= 2," in (reports / "timed" / "ratios.csv").read_text()
     provenance = json.loads((reports / "data" / "provenance.json").read_text())
     text = b"".join(content for file, content in committed(reports).items() if not file.endswith(".svg")).decode()
     assert "2.5" not in text
@@ -256,9 +257,26 @@ def test_benchmarks_run_only_when_asked_for(studied: tuple[Path, str], pytester:
     reports = pytester.path / "reports"
     shutil.copytree(studied[0], pytester.path, dirs_exist_ok=True)
     assert "2 skipped" in studied[1]  # the other one skips itself
-    assert "1 of 6 claims run" in rerun(pytester, "--benchmark", "-m", "benchmark")
-    assert "5 of 6 claims run" in rerun(pytester)  # and what it had recorded stays
+    assert "2 of 7 claims run" in rerun(pytester, "--benchmark", "-m", "benchmark")
+    measured = (reports / "benchmark.md").read_text()
+    assert "5 of 7 claims run" in rerun(pytester)  # and what it had recorded stays
     assert "finest" in {row["claim"] for row in claims(reports)}
+    assert (reports / "benchmark.md").read_text() == measured
+    assert "finest ratio | – | 6.75" in measured
+    provenance = json.loads((reports / "data" / "provenance.json").read_text())
+    assert f"Measured on {provenance['machine']}; {provenance['date'][:10]}" in measured
+    assert "6.75" in (reports / "benchmark" / "ratios.csv").read_text()  # kept with the code
+    assert not (reports / "benchmark" / ".gitignore").exists()
+    assert "6.75" not in (reports / "timed" / "ratios.csv").read_text()
+
+
+def test_where_the_time_goes(studied: tuple[Path, str]) -> None:
+    """Every study with the seconds of all its tests: the progress of `test_jump` alone sleeps for 0.8 s."""
+    text = (studied[0] / "reports" / "timings.md").read_text()
+    wall, cpu = map(float, re.findall(r"\(crossing.md\) \| ([\d.]+) \| ([\d.]+) \|", text)[0])
+    assert wall >= 0.8
+    assert cpu < wall  # asleep
+    assert "(other.md) |" in text
 
 
 def test_quick_leaves_slow_tests_out(pytester: pytest.Pytester) -> None:
@@ -270,7 +288,7 @@ def test_quick_leaves_slow_tests_out(pytester: pytest.Pytester) -> None:
 
 def test_pages_need_nothing_but_themselves(studied: tuple[Path, str]) -> None:
     pages = list((studied[0] / "reports").glob("*.html"))
-    assert {page.stem for page in pages} == {"index", "timings", "crossing", "other"}
+    assert {page.stem for page in pages} == {"index", "timings", "benchmark", "crossing", "other"}
     for page in pages:
         text = page.read_text()
         assert not re.search(r"<(script|iframe|object|embed)|@import|url\(", text)
@@ -304,8 +322,8 @@ def test_a_partial_run_keeps_what_it_did_not_run(studied: tuple[Path, str], pyte
     assert committed(reports).keys() == first.keys() - gone | {"figures/own.svg"}
     assert not (reports / "other.html").exists()
     assert {row["claim"] for row in claims(reports)} == {"jump, tent | solid", "jump, GIMP | solid"}
-    assert "speed-up" not in (reports / "data" / "timings.csv").read_text()
-    assert not list((reports / "timed").glob("*.*"))
+    assert "speed-up" not in (reports / "timed" / "ratios.csv").read_text()
+    assert not list((reports / "timed").glob("*_*.*"))
 
 
 def test_nothing_is_written_without_a_study(pytester: pytest.Pytester) -> None:

@@ -33,19 +33,9 @@ from rich.console import Console
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from validation.metrics import STYLE
-from validation.report import (
-    Ran,
-    Report,
-    Study,
-    marked,
-    merge,
-    merge_timed,
-    merge_timings,
-    read,
-    read_timed,
-    read_timings,
-)
+from validation.report import Ran, Report, Study, marked, merge, read
 from validation.templates import Measured, count, holding, publish
+from validation.timed import merge_timed, read_timed
 
 Item = TypeVar("Item")
 SHOWN_AFTER = 2.0  # [s] an iteration shorter than this needs no progress line
@@ -119,7 +109,9 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
             raise TypeError(f"{item.name} is a method: a section of the report is a plain function, move it out")
         run = item.config.stash[RUN]
         study = item.path.stem.removeprefix("test_")
-        run.reports[item] = Report(study, item.function.__name__, run.files)
+        benchmark = item.get_closest_marker("benchmark") is not None
+        run.reports[item] = report = Report(study, item.function.__name__, run.files, benchmark)
+        report.cpu = -time.process_time()
 
 
 @pytest.hookimpl(wrapper=True)
@@ -131,6 +123,10 @@ def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[None]) ->
             del reports[item]  # it did not run: what an earlier run recorded stays
         elif not reports[item].ended_by:
             reports[item].ended_by = call.excinfo.typename
+    if item in reports:
+        reports[item].wall += call.duration
+    if call.when == "teardown" and item in reports:
+        reports[item].cpu += time.process_time()
     if call.when == "teardown" and item in reports and hasattr(item.config, "workeroutput"):
         # test by test, so that a crash of the worker loses no more than the test that made it crash
         outcome.user_properties.append(("ran", pickle.dumps(_ran(item, reports[item]))))
@@ -241,12 +237,10 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
     studies = _studies(ran, run.crashed, before)
     reports = [test.report for test in ran]
     provenance = _provenance(session.config, directory, time.perf_counter() - run.started)
-    timed_before = read_timed(directory)
-    measured = Measured(
-        merge_timings(read_timings(directory), reports, studies),
-        timed_before,
-        merge_timed(timed_before, reports, studies, provenance["machine"]),
-    )
+    timed = read_timed(directory)
+    commit = re.sub(r"^([0-9a-f]{10})[0-9a-f]*", r"commit \1", provenance["commit"])
+    when = f"{provenance['date'][:10]}, {commit}"
+    measured = Measured(timed, merge_timed(timed, reports, studies, provenance["machine"], when))
     claims = [claim for study in studies for claim in study.claims]
     verdicts, (hold, checks) = count(claims), holding(claims)
     claims_run = f"{sum(len(report.claims) for report in reports)} of {len(claims)} claims run"
@@ -256,7 +250,9 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
         f"stated; our checks: {hold} of {checks} hold",
     ]
     figures = {f"figures/{file}.svg": svg for report in reports for file, svg in report.figures.items()}
-    figures |= {f"timed/{file}.svg": svg for report in reports for file, svg in report.timed.figures.items()}
+    for report in reports:
+        place = "benchmark" if report.benchmark else "timed"
+        figures |= {f"{place}/{file}.svg": svg for file, svg in report.timed.figures.items()}
     publish(directory, list(before.values()), studies, measured, figures, {"claims": claims_run} | provenance)
 
 

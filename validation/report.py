@@ -3,8 +3,7 @@
 A study is a module `test_<study>.py`; each of its test functions is a section. Sections are kept in one JSON store per
 study, `data/<study>.json`; every page and table is a function of the stores, so a run of part of the studies replaces
 the sections that ran and leaves the rest as they were. Stores, Markdown, CSV and SVG are the same on every run of one
-commit; what depends on the clock or the machine (HTML, timings, provenance) is written beside them and not committed:
-tables and figures of seconds in `timed/`, a folder that git passes over.
+commit; what depends on the clock or the machine is written apart from them, see `validation.timed`.
 """
 
 import csv
@@ -27,10 +26,8 @@ from matplotlib.figure import Figure
 Value = float | int | bool | str
 Block = TypeVar("Block")
 Verdict = Literal["agrees", "differs", "not stated"]
-RESERVED = ("index", "timings", "provenance", "claims")  # names of the report's own files
-TIMED = "timed/sections.json"
+RESERVED = ("index", "timings", "benchmark", "provenance", "claims")  # names of the report's own files
 CLAIM_COLUMNS = ("study", "claim", "observed", "expected", "rtol", "source", "verdict")
-TIMING_COLUMNS = ("study", "test", "claim", "ratio", "expected", "source", "verdict")
 
 
 @dataclass(frozen=True)
@@ -91,13 +88,14 @@ class Section:
 
 
 @dataclass(frozen=True)
-class Timed:
-    """What one test function recorded of measured times, and the machine they were measured on."""
+class Ratio:
+    """A claim on measured time, with what was measured."""
 
-    study: str
-    test: str
-    machine: str
-    blocks: list[Text | Table | Drawing]
+    claim: str
+    ratio: float
+    expected: str
+    source: str
+    verdict: Verdict
 
 
 @dataclass(frozen=True)
@@ -163,16 +161,18 @@ class Report(Recorder):
     """Recorder of one test: text, tables, figures and claims become its part of the study's page.
 
     Claims and sources are inline Markdown; verdicts are of the numbers before rounding. What `timed` records depends on
-    the clock: it becomes the test's part of the timings page, which is not committed.
+    the clock, as do `ratios` and the seconds the test takes, on the `wall` and of `cpu`: they go to the timings page,
+    those of a `benchmark` to the page of that name.
     """
 
-    def __init__(self, study: str, test: str, files: set[str]) -> None:
+    def __init__(self, study: str, test: str, files: set[str], benchmark: bool = False) -> None:
         if study in RESERVED:
             raise ValueError(f"a study cannot be called {study!r}, a file of the report: rename its module")
         super().__init__(study, files)
-        self.test, self.ended_by = test, ""
+        self.test, self.ended_by, self.benchmark = test, "", benchmark
         self.claims: list[Claim] = []
-        self.timings: list[dict[str, str]] = []
+        self.ratios: list[Ratio] = []
+        self.wall = self.cpu = 0.0
         self.timed = Recorder(study, files)
 
     def check(
@@ -206,13 +206,22 @@ class Report(Recorder):
         self.claims.append(Claim(claim, plain(observed), stated, rtol, source, verdict))
         return verdict != "differs"
 
-    def timing(self, claim: str, ratio: float, *, at_least: float | None = None, source: str) -> bool:
-        """Record a claim on measured time: its value goes to the timings page only, which is not committed."""
-        holds = self.check(claim, ratio, at_least=at_least, source=source)
+    def timing(
+        self,
+        claim: str,
+        ratio: float,
+        *,
+        at_least: float | None = None,
+        at_most: float | None = None,
+        source: str,
+    ) -> bool:
+        """Record a claim on measured time: its value goes to the timings or the benchmark page only."""
+        holds = self.check(claim, ratio, at_least=at_least, at_most=at_most, source=source)
         measured = self.claims.pop()
-        self.claims.append(Claim(claim, "see timings", measured.expected, None, source, measured.verdict))
-        row = (self.study, self.test, claim, measured.observed, measured.expected, source, measured.verdict)
-        self.timings.append(dict(zip(TIMING_COLUMNS, map(str, row), strict=True)))
+        page = "see benchmark" if self.benchmark else "see timings"
+        self.claims.append(Claim(claim, page, measured.expected, None, source, measured.verdict))
+        digits = float(plain(ratio, digits=4))
+        self.ratios.append(Ratio(claim, digits, str(measured.expected), source, measured.verdict))
         return holds
 
 
@@ -290,7 +299,8 @@ def read(directory: Path) -> dict[str, Study]:
     return {path.stem: _read_study(path) for path in stores if path.stem not in RESERVED}
 
 
-def _read_blocks(stored: Iterable[Mapping[str, Any]]) -> list[Text | Table | Drawing]:
+def read_blocks(stored: Iterable[Mapping[str, Any]]) -> list[Text | Table | Drawing]:
+    """Blocks as a store holds them."""
     kinds: dict[str, type[Text | Table | Drawing]] = {"text": Text, "table": Table, "figure": Drawing}
     return [kinds[block["kind"]](**block) for block in stored]
 
@@ -300,71 +310,20 @@ def _read_study(path: Path) -> Study:
         stored = json.loads(path.read_text("utf-8"))
         for section in stored["sections"]:
             section["claims"] = [Claim(**claim) for claim in section["claims"]]
-            section["blocks"] = _read_blocks(section["blocks"])
+            section["blocks"] = read_blocks(section["blocks"])
         return Study(**stored | {"sections": [Section(**section) for section in stored["sections"]]})
     except (ValueError, KeyError, TypeError) as error:
         raise ValueError(f"{path} is not a store of this report: delete it, or restore the committed one") from error
 
 
-def read_timings(directory: Path) -> list[dict[str, str]]:
-    """The timings measured so far on this machine, with the columns TIMING_COLUMNS."""
-    path = directory / "data" / "timings.csv"
-    return list(csv.DictReader(path.read_text("utf-8").splitlines())) if path.exists() else []
-
-
-def merge_timings(
-    old: Iterable[Mapping[str, str]], reports: Iterable[Report], studies: Iterable[Study]
-) -> list[Mapping[str, str]]:
-    """Timings of the tests that ran, and the old ones of the other tests, in the order of the studies."""
-    tests = [(study.name, section.test) for study in studies for section in study.sections]
-    reports = list(reports)
-    ran = {(report.study, report.test) for report in reports}
-    kept = [row for row in old if (row["study"], row["test"]) in set(tests) - ran]
-    rows = kept + [row for report in reports for row in report.timings]
-    return sorted(rows, key=lambda row: tests.index((row["study"], row["test"])))
-
-
-def read_timed(directory: Path) -> list[Timed]:
-    """What was measured so far on this machine."""
-    path = directory / TIMED
-    stored = json.loads(path.read_text("utf-8")) if path.exists() else []
-    return [Timed(**part | {"blocks": _read_blocks(part["blocks"])}) for part in stored]
-
-
-def merge_timed(old: Iterable[Timed], reports: Iterable[Report], studies: Iterable[Study], machine: str) -> list[Timed]:
-    """What the tests that ran measured on `machine`, and the old of the other tests, in the order of the studies."""
-    blocks: dict[tuple[str, str], list[Text | Table | Drawing]] = {}
-    for report in reports:
-        blocks.setdefault((report.study, report.test), []).extend(report.timed.blocks)
-    known = {(part.study, part.test): part for part in old}
-    known |= {(study, test): Timed(study, test, machine, measured) for (study, test), measured in blocks.items()}
-    tests = [(study.name, section.test) for study in studies for section in study.sections]
-    return [known[test] for test in tests if test in known and known[test].blocks]
-
-
-def timed_files(timed: Sequence[Timed]) -> dict[str, str]:
-    """Store and CSV files of measured times, text by path relative to the report, and what makes git pass them over."""
-    if not timed:
-        return {}
-    tables = [block for part in timed for block in part.blocks if isinstance(block, Table)]
-    files = {f"timed/{table.file}.csv": _csv(table.columns, table.rows) for table in tables}
-    return files | {TIMED: _json([asdict(part) for part in timed]), "timed/.gitignore": "*\n"}
-
-
-def timed_drawings(timed: Iterable[Timed]) -> set[str]:
-    """Paths, relative to the report, of the figures of measured times."""
-    return {f"timed/{block.file}.svg" for part in timed for block in part.blocks if isinstance(block, Drawing)}
-
-
-def data_files(studies: Sequence[Study], timings: Iterable[Mapping[str, str]]) -> dict[str, str]:
+def data_files(studies: Sequence[Study]) -> dict[str, str]:
     """Stores and CSV files, text by path relative to the report."""
     claims = [
         [study.name, *(asdict(claim)[c] for c in CLAIM_COLUMNS[1:])] for study in studies for claim in study.claims
     ]
-    files = {f"data/{study.name}.json": _json(asdict(study)) for study in studies}
-    files |= {f"data/{table.file}.csv": _csv(table.columns, table.rows) for table in _blocks(studies, Table)}
-    files["data/claims.csv"] = _csv(CLAIM_COLUMNS, claims)
-    files["data/timings.csv"] = _csv(TIMING_COLUMNS, [[row[c] for c in TIMING_COLUMNS] for row in timings])
+    files = {f"data/{study.name}.json": as_json(asdict(study)) for study in studies}
+    files |= {f"data/{table.file}.csv": as_csv(table.columns, table.rows) for table in _blocks(studies, Table)}
+    files["data/claims.csv"] = as_csv(CLAIM_COLUMNS, claims)
     return files
 
 
@@ -377,11 +336,13 @@ def _blocks(studies: Iterable[Study], kind: type[Block]) -> list[Block]:
     return [b for study in studies for section in study.sections for b in section.blocks if isinstance(b, kind)]
 
 
-def _json(stored: Any) -> str:
+def as_json(stored: Any) -> str:
+    """Text of a store."""
     return json.dumps(stored, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 
 
-def _csv(columns: Iterable[str], rows: Iterable[Iterable[Value | None]]) -> str:
+def as_csv(columns: Iterable[str], rows: Iterable[Iterable[Value | None]]) -> str:
+    """Text of a table."""
     text = io.StringIO()
     csv.writer(text, lineterminator="\n").writerows([columns, *rows])
     return text.getvalue()

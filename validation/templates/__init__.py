@@ -17,25 +17,23 @@ from validation.report import (
     Claim,
     Study,
     Table,
-    Timed,
     Value,
     data_files,
     drawings,
-    timed_drawings,
-    timed_files,
 )
+from validation.timed import PLACES, Place, Timed, time_of_studies, timed_drawings, timed_files
 
+_CLOCK_PAGES: dict[str, Place] = {"timings": "timed", "benchmark": "benchmark"}
 # Raw HTML and pictures in prose are off: a page must hold all it shows.
 _MARKDOWN = MarkdownIt("commonmark", {"html": False}).disable("image")
 
 
 @dataclass(frozen=True)
 class Measured:
-    """All that depends on the clock: ratios, and what tests recorded of times, before this run and after it."""
+    """All that depends on the clock, before this run and after it."""
 
-    timings: Sequence[Mapping[str, str]]
-    timed_before: Sequence[Timed]
-    timed: Sequence[Timed]
+    before: Sequence[Timed]
+    now: Sequence[Timed]
 
 
 def publish(
@@ -52,15 +50,14 @@ def publish(
     """
     for path, svg in figures.items():
         replace(directory / path, svg)
-    files = data_files(studies, measured.timings) | timed_files(measured.timed)
-    files |= pages(studies, measured, directory, provenance)
+    files = data_files(studies) | timed_files(measured.now) | pages(studies, measured.now, directory, provenance)
     files["data/provenance.json"] = json.dumps(provenance, indent=1) + "\n"
     for path, text in files.items():
         replace(directory / path, text)
     former = {f"{study.name}.{suffix}" for study in before for suffix in ("md", "html")}
-    former |= data_files(before, []).keys() | drawings(before)
-    former |= timed_files(measured.timed_before).keys() | timed_drawings(measured.timed_before)
-    for path in former - files.keys() - drawings(studies) - timed_drawings(measured.timed):
+    former |= data_files(before).keys() | drawings(before)
+    former |= timed_files(measured.before).keys() | timed_drawings(measured.before)
+    for path in former - files.keys() - drawings(studies) - timed_drawings(measured.now):
         (directory / path).unlink(missing_ok=True)
 
 
@@ -74,7 +71,7 @@ def replace(path: Path, content: str | bytes) -> None:
 
 def pages(
     studies: Sequence[Study],
-    measured: Measured,
+    timed: Sequence[Timed],
     directory: Path,
     provenance: Mapping[str, str],
 ) -> dict[str, str]:
@@ -103,14 +100,15 @@ def pages(
     environment.globals |= {
         "image": lambda file, folder: image(directory / folder / f"{file}.svg"),
         "studies": studies,
-        "timings": measured.timings,
-        "timed": {(part.study, part.test): part for part in measured.timed},
+        "timed": {place: [part for part in timed if part.place == place] for place in PLACES},
+        "time_of_studies": time_of_studies(timed, studies),
         "provenance": provenance,
     }
     files = {}
     for suffix in ("md", "html"):
-        for name in ("index", "timings"):
-            files[f"{name}.{suffix}"] = environment.get_template(f"{name}.{suffix}").render(page=name)
+        for page in ("index", *_CLOCK_PAGES):
+            template = environment.get_template(f"{'measured' if page in _CLOCK_PAGES else page}.{suffix}")
+            files[f"{page}.{suffix}"] = template.render(page=page, place=_CLOCK_PAGES.get(page))
         template = environment.get_template(f"study.{suffix}")
         files |= {f"{study.name}.{suffix}": template.render(page=study.name, study=study) for study in studies}
     return files
