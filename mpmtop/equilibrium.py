@@ -3,16 +3,27 @@
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
 from mpmtop.ghost import GhostPenalty, ghost_penalty
 from mpmtop.grid import Grid
-from mpmtop.linear_solver import SingularMatrix, Solve, Solver, choose_solver
+from mpmtop.linear_solver import STRESS_TOLERANCE, SingularMatrix, Solve, Solver, choose_solver
 from mpmtop.material import tangent
 from mpmtop.multigrid import Lattice
 from mpmtop.points import MaterialPoints, seed
-from mpmtop.scene import Array, Index, LoadOutsideBody, Mask, NotConverged, PointLoad, Scene, UnsupportedBody
+from mpmtop.scene import (
+    Array,
+    Index,
+    LoadOutsideBody,
+    Mask,
+    NotConverged,
+    PNormStress,
+    PointLoad,
+    Scene,
+    UnsupportedBody,
+)
 from mpmtop.shape_functions import ShapeFunction, tent
 from mpmtop.stiffness import Stiffness, stiffness
 from mpmtop.transfer import Transfer, transfer, weights
@@ -64,13 +75,13 @@ def discretise(
     points: MaterialPoints | None = None,
     grid: Grid | None = None,
     ghost: float = 0.0,
-    solver: Callable[[int, Index, Index, Lattice], Solver] = choose_solver,
+    solver: Callable[[int, Index, Index, Lattice], Solver] | None = None,
 ) -> Model:
     """Discretise `scene` by cells of size h (hx, hy) with ppc (nx, ny) points per cell and direction.
 
     `points` replaces the seeded points, `grid` the grid laid around them with a line on the domain's lower left corner,
-    `solver` the choice of solver by size. `ghost` is gamma of the ghost penalty, see `mpmtop.ghost`: zero for none;
-    tent and GIMP only. Raises EmptyDomain, PointOutsideGrid, LoadOutsideBody or UnsupportedBody.
+    `solver` the choice of solver by size, `choose_solver` with a tolerance that suits the objective. `ghost` is gamma of
+    the ghost penalty, see `mpmtop.ghost`: zero for none; tent and GIMP only. Raises EmptyDomain, PointOutsideGrid, LoadOutsideBody or UnsupportedBody.
     """
     hx, hy = (float(s) for s in np.broadcast_to(h, 2))
     if points is None:
@@ -95,6 +106,9 @@ def discretise(
         )
     node, component = np.divmod(K.dof, 2)
     lines = np.stack(np.divmod(operators.nodes[node], grid.nodes[1]), axis=-1)
+    if solver is None:
+        of_stress = isinstance(scene.objective, PNormStress)
+        solver = partial(choose_solver, tolerance=STRESS_TOLERANCE) if of_stress else choose_solver
     chosen = solver(len(K.dof), K.row, K.col, Lattice(grid.h, lines, component))
     return Model(scene, grid, points, shape_function, operators, D, f_ext, penalty, K, chosen)
 

@@ -5,10 +5,12 @@ import resource
 import sys
 import time
 from collections import defaultdict
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import partial
+from itertools import islice
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,13 +18,18 @@ import numpy as np
 from mpmtop.design import DensityFilter
 from mpmtop.equilibrium import Model, discretise
 from mpmtop.gcmma import GCMMA, initial_state
-from mpmtop.linear_solver import BandedCholesky, MultigridCG, Solver
-from mpmtop.multigrid import Solve
+from mpmtop.linear_solver import STRESS_TOLERANCE, BandedCholesky, MultigridCG, Solver
+from mpmtop.multigrid import Lattice, Solve
 from mpmtop.problem import DesignProblem, Evaluation
-from mpmtop.scene import Array, Compliance, PNormStress, Scene
+from mpmtop.scene import Array, Compliance, Index, PNormStress
+from validation.methods import MOVE
 from validation.scenes import SPACING, H, cantilever
+from validation.timing import cpu_seconds
+
+ChosenBy = Callable[[int, Index, Index, Lattice], Solver]
 
 OBJECTIVES = {"compliance": Compliance(), "p-norm": PNormStress(12, 0.5)}
+MOVES = {"compliance": MOVE, "p-norm": 0.05}
 PHASES = ("moduli to K", "factorisation", "solve", "residual, objective", "gradient", "filter", "update")
 """Of an iteration. A factorisation sets up the hierarchy where multigrid solves; the gradient is that by densities,
 without the adjoint's solve, which counts as one; the update is the MMA subproblem."""
@@ -87,14 +94,11 @@ class TimedSolver:
         return timed
 
 
+@dataclass(frozen=True, eq=False)
 class TimedFilter(DensityFilter):
     """A density filter, timed."""
 
-    def __init__(self, inner: DensityFilter, clock: Clock) -> None:
-        super().__init__(inner.matrix, inner.offset)
-        object.__setattr__(self, "clock", clock)
-
-    clock: Clock
+    clock: Clock = field(kw_only=True)
 
     def __call__(self, design: Array) -> Array:
         with self.clock("filter"):
@@ -116,7 +120,10 @@ class TimedProblem(DesignProblem):
         maps: Any = tuple(TimedMap(part, clock) for part in model.stiffness.maps)
         timed = replace(model, stiffness=replace(model.stiffness, maps=maps), solver=TimedSolver(model.solver, clock))
         problem = cls(timed)
-        problem.__dict__ |= {"clock": clock, "filter": TimedFilter(problem.filter, clock)}
+        problem.__dict__ |= {
+            "clock": clock,
+            "filter": TimedFilter(problem.filter.matrix, problem.filter.offset, clock=clock),
+        }
         return problem
 
     def evaluate(self, design: Array) -> Evaluation:
@@ -129,8 +136,8 @@ class TimedProblem(DesignProblem):
 
 
 class Measurement(NamedTuple):
-    """CPU seconds to build the operators and the filter, and of every phase of every iteration; objectives of the
-    designs (k + 1,); peak memory of the process [bytes]; solver's name."""
+    """Size, CPU seconds to build the operators and the filter, those of every phase of every iteration, objectives of
+    the designs, and the peak memory of the process [bytes] if it was its own."""
 
     points: int
     unknowns: int
@@ -138,7 +145,7 @@ class Measurement(NamedTuple):
     built: dict[str, float]
     iterations: list[dict[str, float]]
     objective: Array
-    peak: int
+    peak: float = np.nan
 
     @property
     def median(self) -> dict[str, float]:
@@ -151,44 +158,43 @@ class Measurement(NamedTuple):
         return np.array([sum(spent.values()) for spent in self.iterations])
 
 
-def scene(nx: int, objective: str) -> Scene:
-    """The cantilever with nx points along it; the filter's radius is three spacings."""
-    return cantilever(radius=3 * SPACING * 80 / nx, objective=OBJECTIVES[objective])
+def model_of(nx: int, objective: str, solver: ChosenBy | None = None) -> Model:
+    """The cantilever with nx x nx / 2 points, 2 x 2 in a cell; the filter's radius is three spacings."""
+    spacing = SPACING * 80 / nx
+    scene = cantilever(radius=3 * spacing, objective=OBJECTIVES[objective])
+    return discretise(scene, 2 * spacing * H, 2, solver=solver)
 
 
-def measurement(nx: int, objective: str, iterations: int, solver: str = "chosen") -> Measurement:
-    """GCMMA from the uniform start with one solve an iteration, on nx x nx / 2 points, 2 x 2 in a cell."""
+def evaluations(problem: DesignProblem, objective: str) -> Iterator[Evaluation]:
+    """Those of GCMMA with one solve an iteration, from the uniform start on, without end.
+
+    Without its conservative solves a p-norm needs a small move limit, or its designs become noise.
+    """
+    rule = GCMMA(move=MOVES[objective], max_inner=1)
+    evaluation = problem.evaluate(problem.x0)
+    state = initial_state(problem, evaluation)
+    while True:
+        yield evaluation
+        state, evaluation, _ = rule.step(problem, state, evaluation, *problem.gradient(evaluation))
+
+
+def measurement(nx: int, objective: str, iterations: int) -> Measurement:
+    """So many iterations, timed; the first, which also filters the gradient of the volume once for all, is left out."""
     clock = Clock()
     with clock("operators"):
-        chosen = {"solver": SOLVERS[solver]} if solver in SOLVERS else {}
-        model = discretise(scene(nx, objective), 2 * SPACING * 80 / nx * H, 2, **chosen)
+        model = model_of(nx, objective)
     with clock("filter built"):
         problem = TimedProblem.of(model, clock)
     built = dict(clock.spent)
-    rule = GCMMA(max_inner=1)
-    evaluation = problem.evaluate(problem.x0)
-    problem.gradient(evaluation)  # the volume's is kept
-    state, objectives, spent = initial_state(problem, evaluation), [evaluation.objective], []
-    for _ in range(iterations):
+    spent, objectives = [], []
+    run = evaluations(problem, objective)
+    for _ in range(iterations + 2):
         clock.spent.clear()
-        gradient = problem.gradient(evaluation)
         with clock("update"):
-            state, evaluation, _ = rule.step(problem, state, evaluation, *gradient)
-        objectives.append(evaluation.objective)
+            objectives.append(next(run).objective)
         spent.append(dict(clock.spent))
-    return Measurement(
-        len(model.points.x),
-        len(model.stiffness.dof),
-        type(model.solver).__name__,
-        built,
-        spent,
-        np.array(objectives),
-        peak_memory(),
-    )
-
-
-SOLVERS: Mapping[str, Any] = {"banded": BandedCholesky, "multigrid": MultigridCG}
-"""Solvers asked for by name, in place of that chosen by size."""
+    size = len(model.points.x), len(model.stiffness.dof), type(model.solver).__name__
+    return Measurement(*size, built, spent[2:], np.array(objectives))
 
 
 def peak_memory() -> int:
@@ -197,12 +203,40 @@ def peak_memory() -> int:
     return peak if sys.platform == "darwin" else 1024 * peak
 
 
-def alone(nx: int, objective: str, iterations: int, solver: str = "chosen") -> Measurement:
+def alone(nx: int, objective: str, iterations: int) -> Measurement:
     """`measurement` in a process of its own, whose memory is that of this problem alone."""
     with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as process:
-        return process.submit(measurement, nx, objective, iterations, solver).result()
+        return process.submit(_with_memory, nx, objective, iterations).result()
+
+
+def _with_memory(nx: int, objective: str, iterations: int) -> Measurement:
+    return measurement(nx, objective, iterations)._replace(peak=peak_memory())
 
 
 def exponents(seconds: Mapping[str, Array], points: Array) -> dict[str, float]:
     """k of the fit seconds ~ points^k, for every phase."""
     return {phase: float(np.polyfit(np.log(points), np.log(spent), 1)[0]) for phase, spent in seconds.items()}
+
+
+def multigrid_for(objective: str, coarsest: int = MultigridCG.coarsest) -> ChosenBy:
+    """Multigrid as it is chosen for an objective, but for the band of unknowns times nodes it coarsens down to."""
+    tolerance = STRESS_TOLERANCE if objective == "p-norm" else MultigridCG.tolerance
+    return partial(MultigridCG, coarsest=coarsest, tolerance=tolerance)
+
+
+def run_of(nx: int, objective: str, iterations: int, solver: ChosenBy) -> tuple[Array, Array]:
+    """Objectives (iterations + 1,) of an optimisation, and the last densities (p,)."""
+    problem = DesignProblem(model_of(nx, objective, solver))
+    done = list(islice(evaluations(problem, objective), iterations + 1))
+    return np.array([evaluation.objective for evaluation in done]), done[-1].rho
+
+
+def iteration_seconds(nx: int, repeats: int = 5) -> dict[str, float]:
+    """Unknowns, and median CPU seconds of an iteration of compliance after ten, by both solvers, taken in turn."""
+    solvers: dict[str, ChosenBy] = {"banded": BandedCholesky, "multigrid": MultigridCG}
+    models = {name: model_of(nx, "compliance", solver) for name, solver in solvers.items()}
+    runs = {name: evaluations(DesignProblem(model), "compliance") for name, model in models.items()}
+    for run in runs.values():
+        next(islice(run, 9, None))
+    seconds = cpu_seconds({name: partial(next, run) for name, run in runs.items()}, repeats)
+    return {"unknowns": len(models["banded"].stiffness.dof)} | seconds
