@@ -80,8 +80,9 @@ def discretise(
     """Discretise `scene` by cells of size h (hx, hy) with ppc (nx, ny) points per cell and direction.
 
     `points` replaces the seeded points, `grid` the grid laid around them with a line on the domain's lower left corner,
-    `solver` the choice of solver by size, `choose_solver` with a tolerance that suits the objective. `ghost` is gamma of
-    the ghost penalty, see `mpmtop.ghost`: zero for none; tent and GIMP only. Raises EmptyDomain, PointOutsideGrid, LoadOutsideBody or UnsupportedBody.
+    `solver` the choice of solver by size, `choose_solver` with a tolerance that suits the objective. `ghost` is gamma
+    of the ghost penalty, see `mpmtop.ghost`: zero for none; tent and GIMP only.
+    Raises EmptyDomain, PointOutsideGrid, LoadOutsideBody or UnsupportedBody.
     """
     hx, hy = (float(s) for s in np.broadcast_to(h, 2))
     if points is None:
