@@ -7,6 +7,7 @@ from functools import partial
 
 import numpy as np
 
+from mpmtop.b_bar import with_mean_dilatation
 from mpmtop.ghost import GhostPenalty, ghost_penalty
 from mpmtop.grid import Grid
 from mpmtop.linear_solver import STRESS_TOLERANCE, SingularMatrix, Solve, Solver, choose_solver
@@ -75,13 +76,15 @@ def discretise(
     points: MaterialPoints | None = None,
     grid: Grid | None = None,
     ghost: float = 0.0,
+    b_bar: bool = False,
     solver: Callable[[int, Index, Index, Lattice], Solver] | None = None,
 ) -> Model:
     """Discretise `scene` by cells of size h (hx, hy) with ppc (nx, ny) points per cell and direction.
 
     `points` replaces the seeded points, `grid` the grid laid around them with a line on the domain's lower left corner,
     `solver` the choice of solver by size, `choose_solver` with a tolerance that suits the objective. `ghost` is gamma
-    of the ghost penalty, see `mpmtop.ghost`: zero for none; tent and GIMP only.
+    of the ghost penalty, see `mpmtop.ghost`: zero for none; tent and GIMP only. `b_bar` averages the dilatation over
+    each cell against volumetric locking, see `mpmtop.b_bar`.
     Raises EmptyDomain, PointOutsideGrid, LoadOutsideBody or UnsupportedBody.
     """
     hx, hy = (float(s) for s in np.broadcast_to(h, 2))
@@ -100,6 +103,8 @@ def discretise(
     held = held_dofs(scene, position, tol=1e-9 * min(hx, hy))
     D = tangent(scene.material)
     penalty = ghost_penalty(ghost, grid, points, operators, shape_function)
+    if b_bar:
+        operators = with_mean_dilatation(grid, points, operators)
     K = stiffness(grid, points, operators, D, held, penalty)
     if not np.any(f_ext[K.dof]):
         raise LoadOutsideBody(

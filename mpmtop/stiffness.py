@@ -141,17 +141,19 @@ def _point_map(
     grid: Grid, points: MaterialPoints, transfer: Transfer, D: Array, unknown: Index, m: int
 ) -> tuple[Index, sp.csr_array]:
     """Keys (nnz,) of the points' entries, see `_lower_triangle`, and their map as one sparse matrix (nnz, p)."""
-    local = _local(transfer.grad_N, points.volume, D)
+    local = _local(transfer.grad_N, transfer.b_bar, points.volume, D)
     return _lower_triangle(_local_unknown(transfer.stencil, transfer.touched, unknown), local, m)
 
 
-def _local(grad_N: Array, volume: Array, D: Array) -> Array:
-    """V_p B_p^T D B_p, (p, 2n, 2n), of points with gradients (p, n, 2)."""
+def _local(grad_N: Array, b_bar: Array | None, volume: Array, D: Array) -> Array:
+    """V_p B_p^T D B_p, (p, 2n, 2n), of points with gradients (p, n, 2), and B-bar's part (p, n, 2) of them if any."""
     p, n = grad_N.shape[:2]
     gx, gy = np.moveaxis(grad_N, -1, 0)
     B = np.zeros((p, 3, n, 2))
     B[:, 0, :, 0] = B[:, 2, :, 1] = gx
     B[:, 1, :, 1] = B[:, 2, :, 0] = gy
+    if b_bar is not None:
+        B[:, :2] += b_bar[:, None]
     strain = B.reshape(p, 3, 2 * n)
     return np.einsum("pai,pab,pbj->pij", strain, volume[:, None, None] * D, strain, optimize=True)
 
@@ -181,7 +183,9 @@ def _cell_map(
     kind_point, kind = _kinds(grid, points, transfer)
 
     a, b = np.tril_indices(2 * n_max)
-    local = _local(transfer.grad_N[kind_point[:, None], used[kind_point]], points.volume[kind_point], D)[:, a, b]
+    of_kind = kind_point[:, None], used[kind_point]
+    b_bar = None if transfer.b_bar is None else transfer.b_bar[of_kind]
+    local = _local(transfer.grad_N[of_kind], b_bar, points.volume[kind_point], D)[:, a, b]
     nodes = of_cell[:, None], used[of_cell]
     local_unknown = _local_unknown(transfer.stencil[nodes], transfer.touched[nodes], unknown)
     one, other = local_unknown[:, a], local_unknown[:, b]
@@ -215,9 +219,11 @@ def _kinds(grid: Grid, points: MaterialPoints, transfer: Transfer) -> tuple[Inde
     differ, every point is a kind of its own.
     """
     p = len(points.volume)
-    features = np.concatenate(
-        [(transfer.grad_N * grid.h).reshape(p, -1), points.volume[:, None] / np.prod(grid.h)], axis=1
-    )
+    parts = [(transfer.grad_N * grid.h).reshape(p, -1), points.volume[:, None] / np.prod(grid.h)]
+    if transfer.b_bar is not None:
+        # a cell's other points may touch a node and yet leave no gradient there
+        parts += [(transfer.b_bar * grid.h).reshape(p, -1), transfer.touched]
+    features = np.concatenate(parts, axis=1)
     weights = np.random.default_rng(0).uniform(0.5, 1, features.shape[1])
     _, first, kind = np.unique(np.rint(features @ (weights / ALIKE)), return_index=True, return_inverse=True)
     if np.all(np.abs(features - features[first[kind]]) <= 10 * ALIKE):

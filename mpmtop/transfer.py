@@ -25,6 +25,7 @@ class Transfer:
 
     `nodes` (a,) are the active grid nodes; `stencil` (p, n) the positions in `nodes` of each point's nodes, valid where
     `touched` (p, n); N (p, n) and grad_N (p, n, 2) [1/length] their weights; `N_matrix` (p, a) and `B` (3p, 2a).
+    `b_bar` (p, n, 2) [1/length] is what a mean dilatation, see `mpmtop.b_bar`, adds to both normal strains; else None.
     """
 
     nodes: Index
@@ -34,6 +35,7 @@ class Transfer:
     grad_N: Array
     N_matrix: sp.csr_array
     B: sp.csr_array
+    b_bar: Array | None = None
 
     def interpolate(self, nodal: Array) -> Array:
         """g2p of a nodal vector field (2a,): (p, 2)."""
@@ -44,17 +46,23 @@ class Transfer:
         return (self.B @ u).reshape(-1, 3)
 
 
+def located(grid: Grid, points: MaterialPoints) -> tuple[Array, Index, float]:
+    """Positions (p, 2) in units of cells, the half-open cells (p, 2) that hold them, and the tolerance [cells] to which
+    a position is on a grid line."""
+    xi = grid.cell_coordinates(points.x)
+    # what forming xi from x and the origin can lose, and never less than a test by hand would call equal
+    largest = max(float(np.abs(points.x).max()), *map(abs, grid.origin))
+    tol = max(1e-12, 8 * np.finfo(float).eps * largest / min(grid.h))
+    return xi, np.floor(xi + tol).astype(int), tol
+
+
 def weights(grid: Grid, points: MaterialPoints, shape_function: ShapeFunction) -> tuple[Index, Mask, Array, Array]:
     """Grid nodes (p, n), whether touched (p, n), N (p, n) and grad_N (p, n, 2) [1/length] of every point's stencil.
 
     The body's ends along an axis are those of the outermost cells that hold a point.
     """
-    xi = grid.cell_coordinates(points.x)
+    xi, cell, tol = located(grid, points)
     length = points.half_length / grid.h
-    # what forming xi from x and the origin can lose, and never less than a test by hand would call equal
-    largest = max(float(np.abs(points.x).max()), *map(abs, grid.origin))
-    tol = max(1e-12, 8 * np.finfo(float).eps * largest / min(grid.h))
-    cell = np.floor(xi + tol).astype(int)
     ends = np.stack([cell.min(axis=0), cell.max(axis=0) + 1], axis=1)
     sx, sy = (shape_function(xi[:, a], length[:, a], tol, tuple(ends[a])) for a in (0, 1))
     hx, hy = grid.h

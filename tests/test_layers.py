@@ -8,9 +8,9 @@ import pytest
 
 ROOT = Path(__file__).parent.parent
 ORDER = [
-    *("region", "scene", "grid", "points", "quadtree", "shape_functions", "transfer", "ghost", "material", "stiffness"),
-    *("multigrid", "linear_solver", "equilibrium", "objectives", "design", "problem", "subproblem", "gcmma"),
-    *("optimize", "export"),
+    *("region", "scene", "grid", "points", "quadtree", "shape_functions", "transfer", "b_bar", "ghost", "material"),
+    *("stiffness", "multigrid", "linear_solver", "equilibrium", "objectives", "design", "problem", "subproblem"),
+    *("gcmma", "optimize", "export"),
 ]
 LIBRARIES = {"mpmtop": {"numpy", "scipy", "pypardiso"}, "reference_fem": {"numpy", "scipy", "skfem", "mpmtop"}}
 STANDARD = sys.stdlib_module_names

@@ -1,0 +1,138 @@
+"""Volumetric locking: Timoshenko's cantilever in plane strain, exact for every Poisson's ratio nu < 1/2.
+
+The closed form of plane stress holds with E / (1 - nu^2) in place of E and nu / (1 - nu) in place of nu, and its
+stresses in the plane owe nothing to either: tractions and mean stress are those of `work_precision.beam`. Nothing of
+the solution is singular at nu = 1/2, where its dilatation vanishes; what fails there is the method's.
+"""
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.figure import Figure
+
+from mpmtop.equilibrium import discretise, equilibrium
+from mpmtop.points import seed
+from mpmtop.scene import Array, Material, Scene
+from mpmtop.shape_functions import ShapeFunction
+from reference_fem import elasticity
+from reference_fem.boundary import nodal_forces
+from reference_fem.mesh import lattice, vector_basis
+from validation.crossing import Crossing, Periodic, Uniform
+from validation.methods import SHAPE_FUNCTIONS
+from validation.work_precision import (
+    SLENDER,
+    beam,
+    beam_places,
+    beam_scene,
+    beam_tractions,
+    displacement_at,
+    probe,
+    within,
+)
+
+POISSON = (-0.9, -0.5, 0.0, 0.3, 0.4, 0.45, 0.49, 0.499, 0.4999, 0.49999)
+COARSE, FINE = 4, 8
+"""Cells over the depth."""
+SPACING = 0.5
+"""Of the points [h]: 2 x 2 in a cell."""
+UNCROSSED = Uniform(0.0)
+SEEDED, CROSSED = "seeded", "crossed"
+ARRANGEMENTS: dict[str, Crossing] = {SEEDED: UNCROSSED, CROSSED: Periodic(4)}
+PLAIN, B_BAR = "plain", "B-bar"
+
+
+class Errors(NamedTuple):
+    """Tip displacement, relative and with its sign: negative is too stiff; and mean stress at the points, the root of
+    the sum of V error^2 over that of V exact^2."""
+
+    tip: float
+    mean_stress: float
+
+
+def plane_strain_scene(n: int, poisson: float) -> Scene:
+    """The beam of n cells over the depth, with E = 1 in plane strain."""
+    return replace(beam_scene(n), material=Material(1.0, poisson, "strain"))
+
+
+def tip_displacement(depth: float, poisson: float) -> float:
+    """Exact u_y at the middle of the loaded end, L = 4 depth, c = depth/2:
+
+    -((4 + 5 nu') c^2 L + 2 L^3) / 6E'I with E' = E / (1 - nu^2), nu' = nu / (1 - nu), which is
+    `work_precision.beam` there.
+    """
+    E, nu = 1 / (1 - poisson**2), poisson / (1 - poisson)
+    L, c, i = SLENDER * depth, depth / 2, depth**3 / 12
+    return -((4 + 5 * nu) * c**2 * L + 2 * L**3) / (6 * E * i)
+
+
+def tip_error(at: Array, n: int, poisson: float) -> float:
+    """Relative error by displacements (3, 2) at `beam_places`, the clamp's rigid motion removed as in `beam_errors`."""
+    base, top, tip = at
+    rotation = -(top[0] - base[0]) / (n / 2)
+    return float(tip[1] - base[1] - rotation * SLENDER * n) / tip_displacement(n, poisson) - 1
+
+
+def by_points(
+    n: int, shape_function: ShapeFunction, poisson: float, b_bar: bool, crossing: Crossing = UNCROSSED
+) -> Errors:
+    """Errors with n cells over the depth and 2 x 2 points in each, moved by `crossing`."""
+    scene = plane_strain_scene(n, poisson)
+    points = crossing(seed(scene.domain, (SPACING, SPACING)), scene.domain)
+    model = discretise(scene, 1.0, points=points, shape_function=shape_function, b_bar=b_bar)
+    x, forces = beam_tractions(n)
+    model = replace(model, f_ext=probe(model, within(x, scene)).force(forces, len(model.transfer.nodes)))
+    state = equilibrium(model, np.ones(len(points.x)))
+    at = probe(model, within(beam_places(n), scene)).displacement(state.u)
+    # sigma_zz = nu (sigma_xx + sigma_yy): the sum of the two tells the mean of the three, up to a factor
+    mean, exact = (stress[:, 0] + stress[:, 1] for stress in (state.strain @ model.D, beam(points.x, n).stress))
+    V = points.volume
+    return Errors(tip_error(at, n, poisson), float(np.sqrt(V @ (mean - exact) ** 2 / (V @ exact**2))))
+
+
+def by_elements(n: int, order: int, poisson: float) -> float:
+    """Error of the tip displacement with n elements over the depth."""
+    scene = plane_strain_scene(n, poisson)
+    basis = vector_basis(lattice(scene.domain.bounds, np.ones(2)), order)
+    model = elasticity.fem_model(scene, basis, nodal_forces(basis, *beam_tractions(n)))
+    u = elasticity.solve(model, np.ones(len(model.area)))
+    return tip_error(displacement_at(model, u, beam_places(n)), n, poisson)
+
+
+def locking_errors(n: int = COARSE) -> dict[tuple[str, str], dict[float, float]]:
+    """Error of the tip displacement for every nu of POISSON, by method and treatment of the dilatation.
+
+    GIMP is left out: no point's domain leaves its cell, so that it is the standard method.
+    """
+    errors = {
+        (name, treatment): {nu: by_points(n, function, nu, treatment == B_BAR).tip for nu in POISSON}
+        for treatment in (PLAIN, B_BAR)
+        for name, function in SHAPE_FUNCTIONS.items()
+        if name != "GIMP"
+    }
+    return errors | {(f"FEM Q{order}", PLAIN): {nu: by_elements(n, order, nu) for nu in POISSON} for order in (1, 2)}
+
+
+def arrangement_errors(poisson: tuple[float, ...], n: int = FINE) -> dict[tuple[str, str, str], dict[float, Errors]]:
+    """Errors for the given nu, by arrangement of the points, shape function and treatment of the dilatation."""
+    return {
+        (arrangement, name, treatment): {nu: by_points(n, function, nu, treatment == B_BAR, crossing) for nu in poisson}
+        for arrangement, crossing in ARRANGEMENTS.items()
+        for name, function in SHAPE_FUNCTIONS.items()
+        for treatment in (PLAIN, B_BAR)
+    }
+
+
+def locking_figure(errors: dict[tuple[str, str], dict[float, float]]) -> Figure:
+    """|error| of `locking_errors` against 1/2 - nu, which falls from left to right; one panel for each treatment."""
+    figure, axes = plt.subplots(1, 2, figsize=(8.0, 4.2), sharex=True, sharey=True)
+    for ax, treatment in zip(axes, (PLAIN, B_BAR), strict=True):
+        for method in (name for name, of in errors if of == treatment):
+            nu, error = np.array(list(errors[method, treatment].items())).T
+            ax.loglog(0.5 - nu, np.abs(error), marker="o", markersize=4, label=method)
+        ax.set(title=treatment, xlabel="1/2 − ν")
+    axes[0].set(ylabel="|relative error|, tip displacement")
+    axes[0].invert_xaxis()
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
+    return figure
