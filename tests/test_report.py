@@ -270,6 +270,13 @@ def test_benchmarks_run_only_when_asked_for(studied: tuple[Path, str], pytester:
     assert "6.75" not in (reports / "timed" / "ratios.csv").read_text()
 
 
+def test_times_of_another_version_are_left_out(studied: tuple[Path, str], pytester: pytest.Pytester) -> None:
+    shutil.copytree(studied[0], pytester.path, dirs_exist_ok=True)
+    (pytester.path / "reports" / "timed" / "sections.json").write_text('[{"study": "crossing", "machine": "old"}]')
+    assert "2 of 5 claims run" in rerun(pytester, "-k", "jump")
+    assert "crossing.md" in (pytester.path / "reports" / "timings.md").read_text()
+
+
 def test_where_the_time_goes(studied: tuple[Path, str]) -> None:
     """Every study with the seconds of all its tests: the progress of `test_jump` alone sleeps for 0.8 s."""
     text = (studied[0] / "reports" / "timings.md").read_text()

@@ -87,8 +87,8 @@ def recorded(report: Report, runs: Runs, fit_from: int) -> dict[str, dict[str, f
             }
         ).dropna(axis="columns")
         report.timed.table(f"sizes_{objective.replace('-', '_')}", table, f"One iteration, {objective}.", 3)
-        for phase, spent in seconds.items():
-            ax.loglog(points, spent, marker=".", label=phase)
+        for (phase, spent), marker in zip(seconds.items(), ".sv^DxP", strict=True):
+            ax.loglog(points, spent, marker=marker, markersize=4, label=phase)
         ax.loglog(points, total, color="0.2", linewidth=2, marker="o", label="iteration")
         ax.loglog(points, 2 * total[-1] * points / points[-1], color="0.6", linestyle=":", label="linear")
         ax.set(title=objective, xlabel="material points", ylabel="CPU seconds" if ax is axes[0] else "")

@@ -7,9 +7,10 @@ date and the commit it was measured on: in `benchmark/` and on the benchmark pag
 
 import json
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from validation.report import Drawing, Ratio, Report, Study, Table, Text, Value, as_csv, as_json, read_blocks
 
@@ -40,13 +41,17 @@ class Timed:
 
 
 def read_timed(directory: Path) -> list[Timed]:
-    """What has been measured so far."""
-    parts = []
+    """What has been measured so far; of another version's times nothing, which a run of the studies replaces."""
+    parts: list[Timed] = []
     for path in (directory / place / "sections.json" for place in PLACES):
-        for part in json.loads(path.read_text("utf-8")) if path.exists() else []:
-            ratios = [Ratio(**ratio) for ratio in part["ratios"]]
-            parts.append(Timed(**part | {"ratios": ratios, "blocks": read_blocks(part["blocks"])}))
+        with suppress(FileNotFoundError, ValueError, KeyError, TypeError):
+            stored = json.loads(path.read_text("utf-8"))
+            parts += [Timed(**part | _parts_of(part)) for part in stored]
     return parts
+
+
+def _parts_of(part: Mapping[str, Any]) -> dict[str, object]:
+    return {"ratios": [Ratio(**ratio) for ratio in part["ratios"]], "blocks": read_blocks(part["blocks"])}
 
 
 def merge_timed(
