@@ -12,7 +12,7 @@ from scipy.spatial import KDTree
 from mpmtop.points import MaterialPoints
 from mpmtop.scene import Array, EmptyDomain, Index, InvalidScene, Mask, Scene
 
-BY_CONVOLUTION = 7_000
+BY_CONVOLUTION = 20_000
 """Points from which the filter of a lattice is a convolution: its time and memory do not grow with the radius, and the
 sparse matrix takes 0.4 kB for each point at three spacings. Below, sums keep their order to the last bit."""
 

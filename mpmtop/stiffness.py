@@ -19,7 +19,7 @@ from mpmtop.points import MaterialPoints
 from mpmtop.scene import Array, Index, Mask
 from mpmtop.transfer import Transfer
 
-BY_CELL = 7_000
+BY_CELL = 20_000
 """Points from which the map goes through cells: the sparse matrix takes 0.75 kB for each point, this 0.1 kB on a
 lattice, in about the same time. Below, sums keep the order of the points to the last bit."""
 CELLS_AT_ONCE = 4096

@@ -202,6 +202,7 @@ def final_compliance(load: TipLoad, radius: float) -> dict[str, float]:
     return {"compliance": done.final, "iterations": done.iterations, "grayness": done.design.grayness}
 
 
+@pytest.mark.slow
 def test_radius_and_load(report: Report, lock: Lock, progress: ShowProgress) -> None:
     """What 83.57 depends on: filter radius and load position
 
@@ -242,6 +243,7 @@ def test_radius_and_load(report: Report, lock: Lock, progress: ShowProgress) -> 
     assert near
 
 
+@pytest.mark.slow
 def test_cross_evaluation(
     report: Report, lock: Lock, analysers: dict[str, Analyser], optimisations: dict[str, Optimisation], judge: Judge
 ) -> None:

@@ -139,6 +139,7 @@ def stress_error(analysis: Analysis, exact: Array, body: Array) -> float:
     return tensor_norm(difference[inner]) / tensor_norm(exact[inner])
 
 
+@pytest.mark.slow
 def test_shift_of_the_body(report: Report, lock: Lock, uniform: MaterialPoints) -> None:
     """The body moved as a whole: in x, in y, along the diagonal
 
@@ -248,6 +249,7 @@ def timoshenko(length: float) -> float:
     return length**3 / (3 * modulus * height**3 / 12) + length / (5 / 6 * shear * height)
 
 
+@pytest.mark.slow
 def test_error_split(report: Report, lock: Lock, uniform: MaterialPoints, judge: Judge) -> None:
     """Where the error of a shifted body comes from
 

@@ -103,6 +103,7 @@ def judge(uncrossed: Analyser) -> Judge:
     return build_judge(cantilever(), uncrossed.x, uncrossed.half_length, split=1)
 
 
+@pytest.mark.slow
 def test_calibration(
     report: Report,
     lock: Lock,
@@ -164,6 +165,7 @@ def solid_stress(name: str, crossing: Crossing | None) -> tuple[Analyser, Array]
     return analyser, analyser.solid_von_mises(analyser.problem.analyse(np.ones(len(analyser.x))))
 
 
+@pytest.mark.slow
 def test_stress_field(
     report: Report, lock: Lock, calibrations: dict[str, Calibration], uncrossed: Analyser, judge: Judge
 ) -> None:
@@ -236,6 +238,7 @@ def in_soft_cells(crossing: Crossing) -> Mask:
     return count[inverse.ravel()] < 4
 
 
+@pytest.mark.slow
 def test_optimisation(
     report: Report,
     lock: Lock,
@@ -340,6 +343,7 @@ def draw_optimisation(report: Report, shown: dict[str, Optimisation], crossing: 
     )
 
 
+@pytest.mark.slow
 def test_true_loss(
     report: Report,
     lock: Lock,
@@ -415,6 +419,7 @@ def test_true_loss(
     assert all(holds)
 
 
+@pytest.mark.slow
 def test_numbers_of_the_paper(
     report: Report,
     calibrations: dict[str, Calibration],

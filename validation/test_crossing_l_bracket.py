@@ -87,6 +87,7 @@ def solid_von_mises(analyser: Analyser) -> Array:
     return analyser.design(field).at(lattice)
 
 
+@pytest.mark.slow
 def test_path(report: Report, lock: Lock, analysers: dict[str, Analyser]) -> None:
     """Stress along two lines from the re-entrant corner (Fig. 14)
 
@@ -168,6 +169,7 @@ def relaxed(analyser: Analyser, rho: Array) -> Array:
     return rho**q * analyser.solid_von_mises(analyser.problem.analyse(rho))
 
 
+@pytest.mark.slow
 def test_optimisation(
     report: Report, lock: Lock, analysers: dict[str, Analyser], runs: dict[str, Optimisation], judge: Judge
 ) -> None:
@@ -253,6 +255,7 @@ def draw_optimisation(report: Report, runs: dict[str, Optimisation], stress: dic
     report.figure("history", figure, "p-norm by iteration.")
 
 
+@pytest.mark.slow
 def test_numbers_of_the_paper(report: Report, analysers: dict[str, Analyser], runs: dict[str, Optimisation]) -> None:
     """Every number of Sect. 5.2.2
 

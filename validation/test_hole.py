@@ -94,6 +94,7 @@ def on_points(design: Design, points: Analyser) -> Design:
     return points.design(design.rho[KDTree(design.x).query(points.x)[1]])
 
 
+@pytest.mark.slow
 def test_cases(
     report: Report, lock: Lock, analysers: dict[str, Analyser], runs: dict[str, Optimisation], judge: Judge
 ) -> None:
@@ -236,6 +237,7 @@ def random_circles(count: int) -> list[Circle]:
     return circles
 
 
+@pytest.mark.slow
 def test_random_holes(report: Report, lock: Lock, progress: ShowProgress) -> None:
     """A hole anywhere
 

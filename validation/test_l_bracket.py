@@ -140,6 +140,7 @@ def test_initial_stress(report: Report, lock: Lock, analysers: dict[str, Analyse
     assert all(holds)
 
 
+@pytest.mark.slow
 def test_optimisation(
     report: Report, lock: Lock, analysers: dict[str, Analyser], runs: dict[str, Optimisation]
 ) -> None:
@@ -258,6 +259,7 @@ def draw_optimisation(
     )
 
 
+@pytest.mark.slow
 def test_reduction(report: Report, analysers: dict[str, Analyser], runs: dict[str, Optimisation]) -> None:
     """The paper's "p-norm reduced by 97 %", under five definitions
 
@@ -305,6 +307,7 @@ def test_reduction(report: Report, analysers: dict[str, Analyser], runs: dict[st
     assert table["final"].iloc[0] < table["initial"].iloc[0]
 
 
+@pytest.mark.slow
 def test_fine_reference(report: Report, lock: Lock, runs: dict[str, Optimisation], judge: Judge) -> None:
     """Every final design on the fine reference
 
@@ -377,6 +380,7 @@ def best_feasible(run: Optimisation) -> Array:
     return np.minimum.accumulate(np.where(run.volume <= 0.4 * (1 + 1e-6), run.objective, np.inf))
 
 
+@pytest.mark.slow
 def test_update_rules(report: Report, lock: Lock, runs: dict[str, Optimisation]) -> None:
     """Update rules, by number of solves
 

@@ -11,6 +11,7 @@ form; 2 x 2 points per cell. Errors of the tip displacement are relative; negati
 
 import numpy as np
 import pandas as pd
+import pytest
 
 from validation.conftest import Lock
 from validation.locking import (
@@ -92,6 +93,7 @@ def test_poisson(report: Report, lock: Lock) -> None:
     assert all(locks) and all(cured) and settled
 
 
+@pytest.mark.slow
 def test_mean_stress(report: Report, lock: Lock) -> None:
     """Mean stress, and points that have crossed
 

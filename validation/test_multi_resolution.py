@@ -125,6 +125,7 @@ def stored_bytes(analyser: Analyser) -> int:
     return sum(part.nbytes for m in operators for part in (m.data, m.indices, m.indptr))
 
 
+@pytest.mark.slow
 def test_resolutions(
     report: Report,
     lock: Lock,
@@ -232,6 +233,7 @@ def draw_designs(report: Report, runs: dict[str, Optimisation]) -> None:
     report.figure("designs", figure, "Designs and compliance by the analysis that made them, and the multi quadtree.")
 
 
+@pytest.mark.slow
 def test_cost(report: Report, analysers: dict[str, Analyser], runs: dict[str, Optimisation]) -> None:
     """Time and memory
 
@@ -274,6 +276,7 @@ def sweep_case(ppc: int, radius: float) -> Optimisation:
     return Optimisation.of(material_points(tent, "standard", points=points)(scene), iterations=SWEEP_ITERATIONS)
 
 
+@pytest.mark.slow
 def test_sub_cell_designs(report: Report, lock: Lock, progress: ShowProgress) -> None:
     """Points per cell against filter radius: apparent and true compliance
 

@@ -97,6 +97,7 @@ def recorded(report: Report, runs: Runs, fit_from: int) -> dict[str, dict[str, f
     return fitted
 
 
+@pytest.mark.slow
 def test_phases(report: Report, progress: ShowProgress) -> None:
     """Phases of an iteration
 
@@ -113,6 +114,7 @@ def test_phases(report: Report, progress: ShowProgress) -> None:
     assert report.check("sizes whose compliance fell", sum(falls), len(SIZES), source="our aim")
 
 
+@pytest.mark.slow
 def test_multigrid(report: Report) -> None:
     """What the optimisation sees of the iterative solver
 

@@ -216,6 +216,7 @@ def equal(a: Model, b: Model) -> bool:
     return all(np.array_equal(x, y) for x, y in [*arrays, (a.f_ext, b.f_ext), (a.stiffness.dof, b.stiffness.dof)])
 
 
+@pytest.mark.slow
 def test_forward_difference(report: Report, verified: dict[Key, Verified]) -> None:
     """The paper's check: forward differences (Fig. 20)
 
@@ -268,6 +269,7 @@ def draw_histogram(ax: Axes, cases: dict[str, Array], stated: Stated) -> None:
     ax.set(xscale="log", ylabel="variables [%]")
 
 
+@pytest.mark.slow
 def test_truncation(report: Report, verified: dict[Key, Verified], uniform: dict[str, State]) -> None:
     """Whose error it is: the quotient's
 
@@ -350,6 +352,7 @@ ERRORS: dict[str, Callable[[Verified], float]] = {
 }
 
 
+@pytest.mark.slow
 def test_exact_derivative(report: Report, verified: dict[Key, Verified]) -> None:
     """Analytic against exact derivative
 
@@ -475,6 +478,7 @@ def test_identities(report: Report, subjects: dict[tuple[str, str], Subject]) ->
     assert all(holds)
 
 
+@pytest.mark.slow
 def test_woodbury(
     report: Report, subjects: dict[tuple[str, str], Subject], uniform: dict[str, State], verified: dict[Key, Verified]
 ) -> None:

@@ -63,6 +63,7 @@ def body_points() -> MaterialPoints:
     return seed(cantilever().domain, (SPACING, SPACING))
 
 
+@pytest.mark.slow
 def test_manufactured_solution(report: Report, lock: Lock, progress: ShowProgress) -> None:
     """Convergence to a manufactured solution
 
@@ -333,6 +334,7 @@ def cpdi(xi: Array, half_length: Array, tol: float = 0.0, ends: Ends | None = No
     return Stencil(first, (left + right) / 2, (right - left) / (2 * half_length[:, None]))
 
 
+@pytest.mark.slow
 def test_cost(report: Report, lock: Lock, body_points: MaterialPoints) -> None:
     """Cost beside error
 
@@ -441,6 +443,7 @@ def timed(report: Report, models: dict[str, Model]) -> None:
             )
 
 
+@pytest.mark.slow
 def test_jitter(report: Report, lock: Lock, progress: ShowProgress, body_points: MaterialPoints) -> None:
     """What random moves do: scatter of displacement, stress and gradient
 

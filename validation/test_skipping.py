@@ -16,6 +16,7 @@ from unittest.mock import Mock, patch
 
 import numpy as np
 import pandas as pd
+import pytest
 
 from mpmtop import objectives
 from mpmtop.equilibrium import discretise
@@ -185,6 +186,7 @@ def alternatives() -> dict[str, tuple[Work, Work]]:
     }
 
 
+@pytest.mark.slow
 def test_seconds(report: Report) -> None:
     """CPU time by rule
 
