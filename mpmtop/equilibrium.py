@@ -4,8 +4,11 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.csgraph import connected_components
 
 from mpmtop.b_bar import with_mean_dilatation
 from mpmtop.ghost import GhostPenalty, ghost_penalty
@@ -28,6 +31,9 @@ from mpmtop.scene import (
 from mpmtop.shape_functions import ShapeFunction, tent
 from mpmtop.stiffness import Stiffness, stiffness
 from mpmtop.transfer import Transfer, transfer, weights
+
+CONNECTS = 1e-7
+"""Points softer than this part of the stiffest tie nothing to a support: only used to say what floats."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,6 +92,10 @@ def discretise(
     of the ghost penalty, see `mpmtop.ghost`: zero for none; tent and GIMP only. `b_bar` averages the dilatation over
     each cell against volumetric locking, see `mpmtop.b_bar`.
     Raises EmptyDomain, PointOutsideGrid, LoadOutsideBody or UnsupportedBody.
+
+    Limit: domains of GIMP that leave the body's outermost cells by a hair give the nodes outside a hair of stiffness.
+    These move far and the edge gets softer by a step, the more so the fewer cells the body has, unless a ghost penalty
+    ties them: take quantities of interest at points, not at nodes.
     """
     hx, hy = (float(s) for s in np.broadcast_to(h, 2))
     if points is None:
@@ -158,46 +168,118 @@ def equilibrium(model: Model, moduli: Array, *, tol: float | None = None, max_st
     """Newton's method from u = 0 until |R| <= tol |f_ext|, R = f_ext - f_int(u) over the free degrees of freedom.
 
     A linear scene takes one step; the tangent does not change, so any further step is an iterative refinement with
-    the same factorisation. `tol` is the solver's own tolerance unless given, 1e-9 of a direct one. Where void carries
-    load, |K| |u| exceeds |f_ext| so far that rounding alone leaves |R| above that, with f.u right to all digits that
-    matter: after the last step |R . u| <= tol f_ext . u, the relative error of the energy, suffices. `moduli` (p,) are
-    Young's moduli. Raises UnsupportedBody if K is singular, naming the node, and NotConverged.
+    the same factorisation: see `checked_solve`, also for `tol` and what it raises. `moduli` (p,) are Young's moduli.
+    Raises UnsupportedBody if K is singular, naming the node and the island it belongs to.
     """
     if not np.all(np.isfinite(moduli)) or np.min(moduli) < 0:
         raise ValueError("point moduli must be finite and not negative: check the densities")
+    with _mechanism_named(model, moduli):
+        solve = model.solver.factor(model.stiffness.data(moduli))
+    found = checked_solve(model, moduli, solve, model.f_ext, tol=tol, max_steps=max_steps)
+    return Equilibrium(moduli, found.u, found.strain, solve, found.steps, found.residual)
+
+
+class Solution(NamedTuple):
+    """u (2a,), zero where held, its strains (p, 3), the solves it took and |R| / |load| over the free unknowns."""
+
+    u: Array
+    strain: Array
+    steps: int
+    residual: float
+
+
+@np.errstate(over="ignore", invalid="ignore")  # what leaves the range is refused below, by name
+def checked_solve(
+    model: Model,
+    moduli: Array,
+    solve: Solve,
+    load: Array,
+    *,
+    state: Array | None = None,
+    tol: float | None = None,
+    max_steps: int = 3,
+) -> Solution:
+    """K u = load (2a,) with the factorisation `solve` of K(moduli), and a check of the result: R = load - K u.
+
+    Accepted is |R| <= tol |load| with |R . v| <= tol |load . v|; if not, u is refined by solving for R. v is u itself,
+    or for an adjoint the `state` (2a,) it belongs to: the gradient is a product of the two, and an adjoint may miss a
+    soft part of the body that decides it, however small |R| is. `tol` is the solver's own tolerance unless given, 1e-9
+    of a direct one.
+
+    Where void carries load, |K| |u| exceeds |load| so far that rounding alone leaves |R| above that, with load . u
+    right to all digits that matter. So the last step may miss it if the error in the energy norm is small: its square,
+    R . K^-1 R, must not exceed tol load . u, with |R . u| added, as both enter load . u, or for an adjoint the square
+    of |R . v| / |load . v|.
+
+    Raises NotConverged, naming where u is least certain, UnsupportedBody where an iterative solver meets a mechanism,
+    and ValueError where load . u leaves the range of double precision.
+    """
     tol = model.solver.tolerance if tol is None else tol
     free = model.stiffness.dof
-    f_norm = np.linalg.norm(model.f_ext[free])
-    u = np.zeros_like(model.f_ext)
-    with _mechanism_named(model):
-        solve = model.solver.factor(model.stiffness.data(moduli))
-    residual = model.f_ext[free]
+    u = np.zeros_like(load)
+    residual = load[free]
+    if not np.any(residual):
+        return Solution(u, model.transfer.strain(u), 0, 0.0)
+    size = np.linalg.norm(residual)
     for step in range(1, max_steps + 1):
-        with _mechanism_named(model):
+        with _mechanism_named(model, moduli):
             u[free] += solve(residual)
         strain = model.transfer.strain(u)
         f_int = model.internal_force(model.stress(moduli, strain)) + model.ghost.force(moduli, u)
-        residual = (model.f_ext - f_int)[free]
-        relative = float(np.linalg.norm(residual) / f_norm)
-        if relative <= tol:
-            return Equilibrium(moduli, u, strain, solve, step, relative)
-    energy_error = abs(residual @ u[free]) / abs(model.f_ext @ u)
-    if energy_error <= tol:
-        return Equilibrium(moduli, u, strain, solve, max_steps, relative)
+        residual = (load - f_int)[free]
+        energy = float(load @ u)
+        if not 0 < energy < np.inf:
+            raise ValueError(
+                f"load . u = {energy:g} is no positive number in double precision: choose units nearer to the "
+                "force and the modulus"
+            )
+        relative = float(np.linalg.norm(residual) / size)
+        v = u if state is None else state
+        missed = abs(float(residual @ v[free]) / float(load @ v))
+        if relative <= tol and missed <= tol:
+            return Solution(u, strain, step, relative)
+    with _mechanism_named(model, moduli):
+        correction = solve(residual)
+    error = abs(float(residual @ correction)) / energy + (missed if state is None else missed**2)
+    if error <= tol:
+        return Solution(u, strain, max_steps, relative)
     raise NotConverged(
-        f"residual {relative:.1e} |f_ext|, {energy_error:.1e} of the energy, after {max_steps} Newton steps (tolerance "
-        f"{tol:.0e}): the stiffness is nearly singular; raise E_min / E0 (`contrast`) or support the body better"
+        f"residual {relative:.1e} |load|, {error:.1e} of the energy, after {max_steps} Newton steps (tolerance "
+        f"{tol:.0e}): the stiffness is nearly singular at {_place(model, moduli, int(np.argmax(np.abs(correction))))}; "
+        "raise E_min / E0 (`contrast`) or support the body better"
     )
 
 
 @contextmanager
-def _mechanism_named(model: Model) -> Iterator[None]:
+def _mechanism_named(model: Model, moduli: Array) -> Iterator[None]:
     try:
         yield
     except SingularMatrix as error:
-        dof = model.stiffness.dof[error.unknown]
-        x, y = model.grid.node_positions(model.transfer.nodes[dof // 2])
         raise UnsupportedBody(
-            f"the body can move without resistance: displacement {'xy'[dof % 2]} of the node at ({x:g}, {y:g}) "
-            "carries no stiffness; hold the body there, connect it to a support, or raise E_min / E0 (`contrast`)"
+            f"the body can move without resistance: {_place(model, moduli, error.unknown)}, carries no stiffness; hold "
+            "the body there, connect it to a support, or raise E_min / E0 (`contrast`)"
         ) from error
+
+
+def _place(model: Model, moduli: Array, unknown: int) -> str:
+    """The unknown's node, and the island of points it belongs to if no support holds a node of that."""
+    dof = model.stiffness.dof[unknown]
+    transfer, position = model.transfer, model.points.x
+    x, y = model.grid.node_positions(transfer.nodes[dof // 2])
+    place = f"displacement {'xy'[dof % 2]} of the node at ({x:g}, {y:g})"
+    a, p = len(transfer.nodes), len(moduli)
+    stiff = moduli > CONNECTS * np.max(moduli)
+    point, k = np.nonzero(transfer.touched & stiff[:, None])
+    ties = sp.coo_array((np.ones(len(point)), (transfer.stencil[point, k], a + point)), shape=(a + p, a + p))
+    piece = connected_components(ties, directed=False)[1]
+    with_it = piece == piece[dof // 2]
+    island = np.flatnonzero(with_it[a:] & stiff)
+    supported = np.ones(2 * a, dtype=bool)
+    supported[model.stiffness.dof] = False
+    if len(island) == 0:
+        return f"{place}, where all material is void"
+    if np.any(supported.reshape(-1, 2)[with_it[:a]]):
+        return place
+    (x0, y0), (x1, y1) = position[island].min(axis=0), position[island].max(axis=0)
+    extent = f"{len(island)} points from ({x0:g}, {y0:g}) to ({x1:g}, {y1:g})"
+    return f"{place}, on an island that no support holds, of {extent}"

@@ -40,6 +40,9 @@ PARDISO_FROM = 100_000
 """Unknowns from which PARDISO was measured faster than the banded solver (one thread, 2:1 body, analysis included)."""
 SINGULAR = 1e-14
 """A pivot below this part of its diagonal entry is rounding noise: what it stands for carries no stiffness."""
+SUSPECT = 1e-6
+"""A pivot below this part of its diagonal entry may be one of a mechanism: behind other small pivots, rounding leaves
+its own far above SINGULAR. 1e-3 and more is what bodies and designs without one have."""
 MULTIGRID_FROM = 80_000
 """Unknowns from which multigrid was measured faster than the banded solver (one thread, 2:1 body, designs of an
 optimisation with members of three cells); an adjoint, for which a direct solver pays next to nothing, moves it up."""
@@ -74,6 +77,25 @@ class Solver(Protocol):
         ...
 
 
+def checked_factor(solve: Solve, diagonal: Array, pivot: Array) -> Solve:
+    """A factorisation with pivots (m,) in units of the diagonal (m,), both in the order of the unknowns; SingularMatrix
+    if what it factored is singular to rounding.
+
+    Where a pivot is SUSPECT two steps of inverse iteration on the scaled matrix, at the price of two solves, find the
+    direction of least stiffness and what is left of it.
+    """
+    if np.min(pivot) < SINGULAR:
+        raise SingularMatrix(int(np.argmin(pivot)))
+    if np.min(pivot) < SUSPECT:
+        root = np.sqrt(diagonal)
+        loosest = np.random.default_rng(0).normal(size=len(root))
+        for _ in range(2):
+            loosest = root * solve(root * loosest / np.linalg.norm(loosest))
+        if not np.linalg.norm(loosest) < 1 / SINGULAR:
+            raise SingularMatrix(int(np.argmax(np.abs(loosest))))
+    return solve
+
+
 @dataclass(frozen=True, eq=False)
 class BandedCholesky:
     """LAPACK's banded Cholesky, dpbtrf; pattern row >= col (nnz,), m unknowns."""
@@ -104,10 +126,7 @@ class BandedCholesky:
         cholesky, failed = dpbtrf(band, lower=1, overwrite_ab=1)
         if failed:
             raise SingularMatrix(failed - 1)
-        pivot = cholesky[0] ** 2 / diagonal
-        if np.min(pivot) < SINGULAR:
-            raise SingularMatrix(int(np.argmin(pivot)))
-        return lambda b: dpbtrs(cholesky, b, lower=1)[0]
+        return checked_factor(lambda b: dpbtrs(cholesky, b, lower=1)[0], diagonal, cholesky[0] ** 2 / diagonal)
 
 
 def _symmetric(m: int, row: Index, col: Index, data: Array) -> sp.csc_array:
@@ -135,10 +154,7 @@ class SuperLU:
             lu = splu(K, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
         except RuntimeError as error:  # "Factor is exactly singular": SuperLU does not say where
             raise SingularMatrix(int(np.argmin(diagonal))) from error
-        pivot = np.abs(lu.U.diagonal()) / diagonal[np.argsort(lu.perm_c)]
-        if np.min(pivot) < SINGULAR:
-            raise SingularMatrix(int(np.argsort(lu.perm_c)[np.argmin(pivot)]))
-        return lu.solve
+        return checked_factor(lu.solve, diagonal, np.abs(lu.U.diagonal())[lu.perm_c] / diagonal)
 
 
 @dataclass(frozen=True, eq=False)

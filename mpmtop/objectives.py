@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mpmtop.equilibrium import Equilibrium, Model
+from mpmtop.equilibrium import Equilibrium, Model, checked_solve
 from mpmtop.material import von_mises, von_mises_form
 from mpmtop.scene import Array, Compliance, PNormStress, Scene
 
@@ -56,7 +56,7 @@ def p_norm_stress(model: Model, state: Equilibrium, rho: Array, *, p: float, q: 
 
 
 def p_norm_stress_gradient(model: Model, state: Equilibrium, rho: Array, *, p: float, q: float) -> tuple[Array, Array]:
-    """Gradient of J2; one solve with the state's factorisation, K lambda = dJ2/du.
+    """Gradient of J2; one checked solve with the state's factorisation, K lambda = dJ2/du.
 
     w_p = dJ2/ds_p = (s_p / J2)^(p-1), in [0, 1]. At fixed state dJ2/drho_p = w_p q s_p / rho_p, which tends to zero at
     rho_p = 0 for q p > 1. dJ2/du = sum_p w_p rho_p^q E0 B_p^T D dvm/dsigma_p; dJ2/dE_p = -V_p eps_p(lambda) . D eps_p.
@@ -74,10 +74,9 @@ def p_norm_stress_gradient(model: Model, state: Equilibrium, rho: Array, *, p: f
     direction = np.divide(by_stress, vm[:, None], out=np.zeros_like(by_stress), where=vm[:, None] > 0)
     E0 = model.scene.material.young
     by_strain = (w * rho**q * E0)[:, None] * (direction @ model.D)
-    adjoint = np.zeros_like(state.u)
-    free = model.stiffness.dof
-    adjoint[free] = state.solve((model.transfer.B.T @ by_strain.ravel())[free])
-    return explicit, _by_moduli(model, state, adjoint, model.transfer.strain(adjoint))
+    by_u = model.transfer.B.T @ by_strain.ravel()
+    adjoint = checked_solve(model, state.moduli, state.solve, by_u, state=state.u)
+    return explicit, _by_moduli(model, state, adjoint.u, adjoint.strain)
 
 
 def _by_moduli(model: Model, state: Equilibrium, adjoint: Array, adjoint_strain: Array) -> Array:

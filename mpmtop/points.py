@@ -29,8 +29,9 @@ class MaterialPoints:
             )
         if not np.all(np.isfinite(self.x)):
             raise ValueError(f"{np.count_nonzero(~np.isfinite(self.x))} point coordinates are not finite: remove them")
-        if not (np.all(self.volume > 0) and np.all(self.half_length > 0)):
-            raise ValueError("point volumes and half-lengths must be positive")
+        size = np.concatenate([self.volume, self.half_length.ravel()])
+        if not (np.all(size > 0) and np.all(np.isfinite(size))):
+            raise ValueError("point volumes and half-lengths must be positive and finite: give each point a size")
 
     def moved(self, shift: Array | tuple[float, float]) -> "MaterialPoints":
         """The same points displaced by `shift`, (2,) or (p, 2); volumes and half-lengths stay."""

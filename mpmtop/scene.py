@@ -41,7 +41,11 @@ class NotConverged(RuntimeError):
 
 @dataclass(frozen=True)
 class Material:
-    """Isotropic linear elasticity: Young's modulus E0 of the solid, Poisson's ratio, plane strain or plane stress."""
+    """Isotropic linear elasticity: Young's modulus E0 of the solid, Poisson's ratio, plane strain or plane stress.
+
+    Limit: in plane strain all shape functions lock as Poisson's ratio nears 0.5, from about 0.45 on: the body is too
+    stiff, in the end by orders of magnitude, unless `discretise(..., b_bar=True)`.
+    """
 
     young: float = 1.0
     poisson: float = 0.3
@@ -58,7 +62,11 @@ class Material:
 
 @dataclass(frozen=True)
 class Support:
-    """Every node in `region` is held in the components marked in `fixed` (x, y)."""
+    """Every node in `region` is held in the components marked in `fixed` (x, y).
+
+    Limit: a support holds nodes, not points. A body whose points have left the cells at its clamp by more than half a
+    cell hangs on what is left there, and is far too compliant; once nothing is left, that is an error.
+    """
 
     region: Region
     fixed: tuple[bool, bool] = (True, True)

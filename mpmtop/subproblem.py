@@ -78,7 +78,7 @@ def solve_single(sub: Subproblem) -> Array:
         else:
             high = lam
         g_slope = slope[0, 0] - (lam >= PENALTY)
-        trial = lam - g / g_slope if g_slope < 0 else np.inf * g
+        trial = lam - g / g_slope if g_slope < 0 else lam if g == 0 else np.copysign(np.inf, g)
         if abs(trial - lam) <= 1e-13 * lam or high - low <= 1e-13 * lam:
             return r
         if trial <= 0 and low < 0:

@@ -6,12 +6,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from mpmtop.equilibrium import Model, discretise, equilibrium
+from mpmtop.equilibrium import Model, Solution, checked_solve, discretise, equilibrium
 from mpmtop.grid import Grid
 from mpmtop.linear_solver import BandedCholesky, SuperLU
 from mpmtop.objectives import compliance, compliance_gradient
 from mpmtop.points import MaterialPoints, to_gauss_points
 from mpmtop.scene import (
+    Array,
     LoadOutsideBody,
     Material,
     NotConverged,
@@ -23,6 +24,7 @@ from mpmtop.scene import (
 )
 from mpmtop.shape_functions import ShapeFunction, gimp, tent
 from tests.scenes import LEFT_CLAMP, SHAPE_FUNCTIONS, cantilever
+from validation.extended import full_stiffness
 
 DATA = Path(__file__).parent / "data"
 ALL = pytest.mark.parametrize("shape_function", SHAPE_FUNCTIONS, ids=lambda f: f.__name__)
@@ -218,3 +220,109 @@ def test_misplaced_loads_and_supports_are_named() -> None:
         discretise(cantilever(1, 1, load=PointLoad((1.0, 0.5), (0.0, -1.0), points=6)), 1.0)
     with pytest.raises(ValueError, match="densities"):
         equilibrium(discretise(cantilever(), 1.0), np.full(128, np.nan))
+
+
+def test_islands_are_named() -> None:
+    """Points that stiff material ties to no support: how many, and from where to where."""
+    model = discretise(cantilever(), 1.0)
+    x = model.points.x
+    for contrast in (0.0, 1e-16):  # no tie at all, and one that is lost in rounding
+        island = (x[:, 0] > 5) & (x[:, 0] < 7) & (x[:, 1] < 2)
+        moduli = np.where(island | (x[:, 0] < 2), 1.0, contrast)
+        with pytest.raises(UnsupportedBody, match="node at") as caught:
+            equilibrium(model, moduli)
+        if contrast > 0:
+            assert "on an island that no support holds, of 16 points from (5.25, 0.25) to (6.75, 1.75)" in str(
+                caught.value
+            )
+        else:  # between the two no node has any stiffness
+            assert "where all material is void" in str(caught.value)
+    everywhere = discretise(cantilever(supports=(Support(Rectangle((0, 0), (0, 0))),)), 1.0)
+    with pytest.raises((UnsupportedBody, NotConverged)) as caught_whole:
+        equilibrium(everywhere, np.ones(128))
+    assert "island" not in str(caught_whole.value)  # held, if by one node
+
+
+@pytest.mark.parametrize("solver", [BandedCholesky, SuperLU])
+def test_mechanism_behind_small_pivots(solver: type) -> None:
+    """A cloud in which a node can move without energy. Rounding leaves its pivot at 2e-11 of the diagonal, far above
+    that of a matrix that is singular to rounding: K v = 0 tells."""
+    rng = np.random.default_rng(60)
+    p = int(rng.integers(6, 80))
+    half = rng.uniform(0.05, 0.5, (p, 2))
+    points = MaterialPoints(rng.uniform((0, 0), (5, 2), (p, 2)), np.prod(2 * half, axis=1), half)
+    model = discretise(cantilever(5, 2), 1.0, points=points, solver=solver)
+    moduli = np.ones(len(model.points.x))
+    K = full_stiffness(model, moduli)
+    root = np.sqrt(np.diag(K))
+    values, vectors = np.linalg.eigh(K / np.outer(root, root))
+    assert values[0] < 1e-15 < 1e-6 < values[1]  # one mechanism
+    with pytest.raises(UnsupportedBody, match="displacement") as caught:
+        equilibrium(model, moduli)
+    dof = model.stiffness.dof[int(np.argmax(np.abs(vectors[:, 0])))]
+    x, y = model.grid.node_positions(model.transfer.nodes[[dof // 2]])[0]
+    assert f"displacement {'xy'[dof % 2]} of the node at ({x:g}, {y:g})" in str(caught.value)
+
+
+def test_checked_solve_mends_a_solver_and_refuses_a_useless_one() -> None:
+    model = discretise(cantilever(), 1.0)
+    moduli = np.ones(128)
+    exact = equilibrium(model, moduli)
+
+    def solution(factor: float, tol: float | None = None) -> Solution:
+        return checked_solve(model, moduli, lambda b: factor * exact.solve(b), model.f_ext, tol=tol)
+
+    assert solution(1.0).steps == 1
+    for factor, steps in ((1 + 1e-4, 3), (1 - 1e-6, 2)):  # every step divides the error by 1e4 and 1e6
+        mended = solution(factor)
+        assert mended.steps == steps
+        np.testing.assert_allclose(mended.u, exact.u, rtol=0, atol=1e-8 * np.abs(exact.u).max())  # tol, and a digit
+    assert solution(1 + 1e-4, tol=1e-3).steps == 1
+    with pytest.raises(NotConverged, match="nearly singular at displacement"):
+        solution(1.2)
+    with pytest.raises(ValueError, match="choose units"):
+        solution(np.nan)
+    nothing = checked_solve(model, moduli, exact.solve, np.zeros_like(model.f_ext))
+    assert nothing.steps == 0
+    assert not np.any(nothing.u)
+
+
+def test_a_soft_part_that_a_small_residual_misses() -> None:
+    """A solver that leaves out the softest of all modes: the residual is below any tolerance, the adjoint wrong."""
+    model = discretise(cantilever(6, 2), 1.0)
+    x = model.points.x[:, 0]
+    moduli = np.where((x < 2) | (x > 3), 1.0, 1e-7)
+    state = equilibrium(model, moduli)
+    K = full_stiffness(model, moduli)
+    values, modes = np.linalg.eigh(K)
+    softest, hard = modes[:, 0], modes[:, values > 1e-3]
+    free = model.stiffness.dof
+    load = np.zeros_like(state.u)
+    load[free] = hard @ np.random.default_rng(0).normal(size=hard.shape[1]) + 1e-8 * softest
+
+    def blind(b: Array) -> Array:
+        u = state.solve(b)
+        return u - (softest @ u) * softest
+
+    known = checked_solve(model, moduli, state.solve, load, state=state.u)
+    unseen = checked_solve(model, moduli, blind, load)
+    assert unseen.residual < 1e-7
+    assert abs((unseen.u - known.u) @ model.f_ext) > 0.01 * abs(known.u @ model.f_ext)  # what a gradient is made of
+    with pytest.raises(NotConverged):
+        checked_solve(model, moduli, blind, load, state=state.u)
+
+
+@pytest.mark.parametrize("force", [1e-170, 1e-200, 1e160, 1e200])
+def test_forces_beyond_double_precision(force: float) -> None:
+    """force^2 is: neither a compliance of zero nor an overflow."""
+    model = discretise(cantilever(load=PointLoad((8.0, 2.0), (0.0, -force))), 1.0)
+    with pytest.raises(ValueError, match="choose units"):
+        equilibrium(model, np.ones(128))
+
+
+def test_points_of_no_or_infinite_size() -> None:
+    x, one = np.ones((1, 2)), np.ones(1)
+    for size in (0.0, -1.0, np.nan, np.inf):
+        for volume, half in ((size * one, x), (one, size * x)):
+            with pytest.raises(ValueError, match="must be positive and finite"):
+                MaterialPoints(x, volume, half)

@@ -1,5 +1,8 @@
 """The loop: what it hands out, when it stops, and that an interrupted run goes on as if nothing had happened."""
 
+import signal
+import subprocess
+import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from itertools import islice
@@ -13,6 +16,7 @@ import mpmtop.optimize as loop
 from mpmtop.gcmma import GCMMA, MMA, OptimalityCriteria, SingleStepGCMMA, UpdateRule
 from mpmtop.optimize import CheckpointError, History, Iterate, design_change, optimize, relative_change
 from mpmtop.scene import Array, NotConverged
+from validation.interruption import design_problem
 
 RULES: list[UpdateRule] = [MMA(), GCMMA(), GCMMA(warm_start=True), SingleStepGCMMA(), OptimalityCriteria()]
 
@@ -257,3 +261,27 @@ def test_a_damaged_checkpoint_is_refused(tmp_path: Path) -> None:
 def test_values_that_are_not_finite_end_the_run_by_name() -> None:
     with pytest.raises(NotConverged, match="iteration 0: objective nan"):
         list(optimize(Bars(c=np.full(30, np.nan)), MMA()))
+
+
+@pytest.mark.parametrize("k", [0, 2, 5])
+def test_kill_9(k: int, tmp_path: Path) -> None:
+    """A process killed by SIGKILL in the iteration after the k-th, or wherever it has got to by then, and resumed."""
+    path = tmp_path / "run.npz"
+    program = (
+        "import sys; from pathlib import Path; from mpmtop.gcmma import GCMMA; from mpmtop.optimize import optimize\n"
+        "from validation.interruption import design_problem\n"
+        "for i in optimize(design_problem(), GCMMA(), checkpoint=Path(sys.argv[1])): print(i.iteration, flush=True)"
+    )
+    command = [sys.executable, "-c", program, str(path)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=Path(__file__).parents[1]) as process:
+        assert process.stdout is not None
+        next(line for line in process.stdout if int(line) == k)
+        process.kill()
+    assert process.returncode == -signal.SIGKILL
+    *_, whole = optimize(design_problem(), GCMMA())
+    first, *rest = optimize(design_problem(), GCMMA(), checkpoint=path)
+    assert first.iteration >= k
+    end = [first, *rest][-1]
+    assert (end.iteration, end.solves, end.objective) == (whole.iteration, whole.solves, whole.objective)
+    np.testing.assert_array_equal(end.x, whole.x)
+    assert [file.name for file in tmp_path.iterdir()] == ["run.npz"]
