@@ -189,6 +189,9 @@ class MultigridCG:
     They start from zero, so that a solution depends on K and b alone. An optimisation for compliance does not see more
     of it than `tolerance`: the gradient is off by about a seventh of it, compliance by its square. A p-norm of stress
     is off by the tolerance itself, and its optimisation multiplies that by ten in a few iterations: STRESS_TOLERANCE.
+    Limits: a mechanism that the load does not move goes unseen, unless the whole body moves; the solution is right but
+    for it. A piece that hangs on void alone is displaced by what residual is left on it over the void's stiffness: its
+    place is known to fewer digits than the objectives, in which it hardly counts.
     Source: Hestenes and Stiefel (1952), J. Res. Natl. Bur. Stand. 49:409.
     """
 
