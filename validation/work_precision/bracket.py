@@ -89,9 +89,9 @@ def bracket_elements(n: int, order: int) -> Measure:
 
 @cache
 def bracket_reference(per_h: float = 1) -> Array:
-    """Stress (96, 3) by biquadratic elements of side h / per_h, halved fourteen times towards the corner's lines."""
+    """Stress (96, 3) by biquadratic elements of side h / per_h, halved ten times towards the corner's lines."""
     corner = 0.4 * BRACKET_SIDE
-    near = 0.5 ** np.arange(1, 15) / per_h
+    near = 0.5 ** np.arange(1, 11) / per_h
     lines = np.linspace(0, BRACKET_SIDE, round(BRACKET_SIDE * per_h) + 1)
     lines = np.sort(np.concatenate([lines, corner - near, corner + near]))
     mesh = MeshQuad.init_tensor(lines, lines)

@@ -6,23 +6,23 @@ from typing import Any
 
 import numpy as np
 
-from mpmtop.equilibrium import discretise, equilibrium
+from mpmtop.equilibrium import equilibrium
 from mpmtop.gcmma import Problem
 from mpmtop.material import simp
 from mpmtop.optimize import optimize
 from mpmtop.points import seed
-from mpmtop.problem import DesignProblem
 from mpmtop.scene import Array, Rectangle, RegionLoad, Scene
-from mpmtop.shape_functions import ShapeFunction, tent
+from mpmtop.shape_functions import ShapeFunction
 from reference_fem.reanalyse import Judgement, build_judge
+from reference_fem.simp import design_problem
 from validation.crossing import Crossing
 from validation.methods import PAPER_RULE, Design
 from validation.scenes import cantilever
 from validation.work_precision.outcome import Measure, of_elements, of_points
 from validation.work_precision.probe import points_model
 
-FIELD_SPACING = 0.5
-"""Side of the squares on which the optimised field is constant [h]."""
+RADIUS = 1.5
+"""Of the density filter [h], in all designs of the study."""
 
 
 def tip_scene(per_h: float = 1.0) -> Scene:
@@ -30,9 +30,8 @@ def tip_scene(per_h: float = 1.0) -> Scene:
     mid-height, the same for every discretisation."""
     patch = RegionLoad(Rectangle((38 * per_h, 8 * per_h), (40 * per_h, 12 * per_h)), (0.0, -1.0))
     domain = Rectangle((0.0, 0.0), (40 * per_h, 20 * per_h))
-    radius = 3 * FIELD_SPACING * per_h
     return replace(
-        cantilever(), name="cantilever, load on a patch", domain=domain, loads=(patch,), filter_radius=radius
+        cantilever(), name="cantilever, load on a patch", domain=domain, loads=(patch,), filter_radius=RADIUS * per_h
     )
 
 
@@ -45,10 +44,12 @@ def optimised(problem: Problem[Any], iterations: int = 40) -> Array:
 
 @cache
 def field() -> Design:
-    """The fixed field: the cantilever after 40 iterations, one density for each of 80 x 40 points."""
-    points = seed(tip_scene().domain, (FIELD_SPACING, FIELD_SPACING))
-    model = discretise(tip_scene(), 1.0, points=points, shape_function=tent)
-    return Design(points.x, points.half_length, optimised(DesignProblem(model)))
+    """The fixed field: the cantilever after 40 iterations, one density for each of 40 x 20 bilinear elements."""
+    problem = design_problem(tip_scene(), 1.0)
+    centres = problem.model.centres
+    found = Design(centres, np.full_like(centres, 0.5), optimised(problem))
+    squares = seed(tip_scene().domain, (1.0, 1.0))
+    return Design(squares.x, squares.half_length, found.at(squares.x))
 
 
 @cache
@@ -59,11 +60,11 @@ def field_compliance(split: int, order: int = 2) -> Judgement:
 
 
 def field_points(n: int, shape_function: ShapeFunction, ppc: int, crossing: Crossing) -> Measure:
-    """Compliance of the field on cells of size h / n, its squares' densities given to the points seeded in them."""
-    scene = tip_scene(n)
+    """Compliance of the field on cells of size 2h / n, its squares' densities given to the points seeded in them."""
+    scene = tip_scene(n / 2)
     seeded = seed(scene.domain, (1 / ppc, 1 / ppc))
-    column, row = np.floor(seeded.x / (FIELD_SPACING * n)).astype(int).T
-    rho = field().rho[column * round(20 / FIELD_SPACING) + row]
+    column, row = np.floor(2 * seeded.x / n).astype(int).T
+    rho = field().rho[20 * column + row]
     model = points_model(scene, shape_function, ppc, crossing)
     state = equilibrium(model, scene.material.young * simp(rho, scene.penal, scene.contrast)[0])
     return lambda: of_points(model, field_error(float(model.f_ext @ state.u)))
@@ -78,5 +79,5 @@ def field_elements(n: int, order: int) -> Measure:
 
 
 def field_error(compliance: float) -> dict[str, float]:
-    """Relative error of a compliance of the field, by the reference of 2 x 2 biquadratic elements for each square."""
-    return {"compliance": abs(compliance / field_compliance(2).compliance - 1)}
+    """Relative error of a compliance of the field, by the reference of 3 x 3 biquadratic elements for each square."""
+    return {"compliance": abs(compliance / field_compliance(3).compliance - 1)}

@@ -1,11 +1,11 @@
 """Figures, tables and sentences of work against error; those of CPU time on the timings page."""
 
-from collections.abc import Sequence
-
+import matplotlib as mpl
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from validation.methods import SHAPE_FUNCTIONS
 from validation.report import Recorder, Report
@@ -13,9 +13,15 @@ from validation.work_precision.designs import design_name
 from validation.work_precision.runs import CASE, FEM, cheapest, front, of_arrangement, slopes
 
 COSTS = {"unknowns": "unknowns", "nonzeros": "nonzeros of K", "stored": "stored operators [MB]"}
-
-
 TARGETS = (0.1, 0.01, 0.001, 0.0001)
+GAP = np.full((1, 2), np.nan)
+"""A row that ends a line."""
+SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+def arrangements(frame: pd.DataFrame) -> list[str]:
+    """How the points of the runs are arranged, as seeded first."""
+    return [points for points in frame["points"].unique() if points]
 
 
 def run_name(run: pd.Series) -> str:
@@ -25,7 +31,7 @@ def run_name(run: pd.Series) -> str:
 def advice(frame: pd.DataFrame, cost: str, what: str) -> str:
     """Which method reaches an error at the least cost: one sentence, for every arrangement of the points."""
     parts = []
-    for points in [p for p in frame["points"].unique() if p]:
+    for points in arrangements(frame):
         runs = of_arrangement(frame, points)
         steps = []
         for target in TARGETS:
@@ -47,29 +53,29 @@ def advice(frame: pd.DataFrame, cost: str, what: str) -> str:
 def recorded(report: Report, frame: pd.DataFrame, tag: str) -> None:
     """Slopes, figures and advice of every error of a study; those of CPU time on the timings page."""
     slope = slopes(frame)
-    of_time = slopes(frame, "seconds")
     for quantity in frame["quantity"].unique():
         name = f"{tag}_{quantity.replace(' ', '_')}"
         runs = frame[frame["quantity"] == quantity]
         report.text(f"**{quantity.capitalize()}.** " + advice(runs, "nonzeros", "nonzeros of K"))
-        draw(report, name, runs, list(COSTS), slope, f"Error of the {quantity} against work.")
+        draw(report, name, work_figure(runs), f"Error of the {quantity} against work. Circles: Pareto front.")
         table = slope[quantity].unstack("ppc").round(2).rename(columns=lambda p: f"{p} x {p}" if p else "elements")
         report.table(f"{name}_slopes", table, f"Slopes of the {quantity} by points per cell.", 3)
 
         report.timed.text(f"**{quantity.capitalize()}.** " + advice(runs, "seconds", "CPU time"))
-        draw(report.timed, f"{name}_seconds", runs, ["seconds"], of_time, f"Error of the {quantity} against CPU time.")
-        report.timed.table(f"{name}_seconds", seconds_table(runs), f"CPU seconds to an error of the {quantity}.", 3)
+        caption = f"CPU seconds to an error of the {quantity}, and slope of the error by CPU time."
+        report.timed.table(f"{name}_seconds", seconds_table(runs), caption, 3)
         ratio_timed(report, runs)
+    draw(report.timed, f"{tag}_seconds", time_figure(frame), "Errors against CPU time. Circles: Pareto front.")
 
 
 def seconds_table(frame: pd.DataFrame) -> pd.DataFrame:
-    """CPU seconds of each case to each target, NaN where its levels do not reach it."""
+    """CPU seconds of each case to each target, NaN where its levels do not reach it, and slope of the error by them."""
     columns = {}
     for target in TARGETS:
         reached = frame[frame["settled"] <= target]
         columns[f"{target:.2g}"] = reached.groupby(CASE[1:], sort=False)["seconds"].min()
-    cases = pd.MultiIndex.from_frame(frame[CASE[1:]].drop_duplicates())
-    return pd.DataFrame(columns).reindex(cases)
+    slope = slopes(frame, "seconds").droplevel("quantity").round(2)
+    return pd.DataFrame(columns).reindex(slope.index).assign(slope=slope)
 
 
 def ratio_timed(report: Report, frame: pd.DataFrame) -> None:
@@ -85,46 +91,85 @@ def ratio_timed(report: Report, frame: pd.DataFrame) -> None:
             return
 
 
-def draw(
-    recorder: Recorder, name: str, frame: pd.DataFrame, costs: Sequence[str], slope: pd.Series, caption: str
-) -> None:
-    """Errors against costs, one row for each arrangement of the points."""
-    arrangements = [p for p in frame["points"].unique() if p]
-    size = (max(3.0 * len(costs), 4.5) + 2.6, 2.7 * len(arrangements) + 0.4)
-    # no constrained layout: among nine logarithmic axes it takes most of the study's time
+def draw(recorder: Recorder, name: str, figure: Figure, caption: str) -> None:
+    """Record a figure that fills its page: to find its outline, `bbox="tight"` would lay it out once more."""
+    with mpl.rc_context({"savefig.bbox": "standard"}):
+        recorder.figure(name, figure, caption)
+
+
+def work_figure(runs: pd.DataFrame) -> Figure:
+    """Errors as seeded against every cost, and below, with points that have crossed, against nonzeros of K."""
+    seeded, *crossed = arrangements(runs)
+    figure, axes = panels(2, len(COSTS))
+    for ax, (cost, name) in zip(axes[0], COSTS.items(), strict=True):
+        panel(ax, of_arrangement(runs, seeded), cost)
+        ax.set(title=seeded, xlabel=name)
+    for ax, points in zip(axes[1], crossed, strict=False):
+        panel(ax, of_arrangement(runs, points), "nonzeros")
+        ax.set(title=points, xlabel=COSTS["nonzeros"])
+    for ax in axes[1, len(crossed) :]:
+        ax.set_axis_off()
+    for ax in axes[:, 0]:
+        ax.set(ylabel="relative error")
+    axes[1, -1].legend(*axes[0, 0].get_legend_handles_labels(), loc="center")
+    return figure
+
+
+def time_figure(frame: pd.DataFrame) -> Figure:
+    """Errors as seeded against CPU time, one panel for each quantity: moved points take as long."""
+    quantities = frame["quantity"].unique()
+    figure, axes = panels(1, len(quantities) + 1, sharey=False)
+    for ax, quantity in zip(axes[0], quantities, strict=False):
+        runs = frame[frame["quantity"] == quantity]
+        seeded = arrangements(runs)[0]
+        panel(ax, of_arrangement(runs, seeded), "seconds")
+        ax.set(title=f"{quantity}, {seeded}", xlabel="CPU seconds")
+    axes[0, 0].set(ylabel="relative error")
+    axes[0, -1].set_axis_off()
+    axes[0, -1].legend(*axes[0, 0].get_legend_handles_labels(), loc="center")
+    return figure
+
+
+def panels(rows: int, columns: int, *, sharey: bool = True) -> tuple[Figure, np.ndarray]:
+    """Figure of rows x columns axes; margins in inches, as constrained layout takes seconds."""
+    width, height = 3.1 * columns + 0.2, 2.8 * rows + 0.1
+    margins = {"left": 0.75 / width, "right": 1 - 0.1 / width, "bottom": 0.55 / height, "top": 1 - 0.3 / height}
+    space = {"wspace": 0.08 if sharey else 0.25, "hspace": 0.4}
     figure, axes = plt.subplots(
-        len(arrangements),
-        len(costs),
-        figsize=size,
-        sharex="col",
-        sharey=True,
+        rows,
+        columns,
+        figsize=(width, height),
+        sharey=sharey,
         squeeze=False,
         layout="none",
-        gridspec_kw={"wspace": 0.08, "hspace": 0.12},
+        gridspec_kw=margins | space,
     )
-    for row, points in zip(axes, arrangements, strict=True):
-        for ax, cost in zip(row, costs, strict=True):
-            panel(ax, of_arrangement(frame, points), cost, slope)
-        row[0].set(ylabel="relative error")
-        row[-1].legend(loc="center left", bbox_to_anchor=(1.02, 0.5), title=points)
-    for ax, cost in zip(axes[-1], costs, strict=True):
-        ax.set(xlabel=COSTS.get(cost, "CPU seconds"))
-    recorder.figure(name, figure, f"{caption} In the legend: slopes of the full lines. Circles: Pareto front.")
+    return figure, axes
 
 
-def panel(ax: Axes, runs: pd.DataFrame, cost: str, slope: pd.Series) -> None:
+def panel(ax: Axes, runs: pd.DataFrame, cost: str) -> None:
+    """Cases of 2 x 2 points and of elements as full lines, others faint; circles on the Pareto front."""
     for k, method in enumerate((*SHAPE_FUNCTIONS, *FEM.values())):
-        for key, case in runs[runs["method"] == method].groupby(CASE, sort=False):
-            ppc = case["ppc"].iloc[0]
-            main = ppc in (0, 2)
-            value = slope.to_dict()[key]
-            text = f"{method} ({value:.1f})" if np.isfinite(value) else method
-            style = {"linewidth": 1.6, "marker": ".", "label": text} if main else {"linewidth": 0.7, "alpha": 0.45}
-            ax.plot(case[cost], case["error"], color=f"C{k}", linestyle="-" if ppc else "--", **style)
-    ax.set(xscale="log", yscale="log")
-    ax.minorticks_off()
+        cases = runs[runs["method"] == method]
+        main = cases["ppc"].isin((0, 2))
+        x, y = cases.loc[main, [cost, "error"]].to_numpy().T
+        style = "--" if method in FEM.values() else "-"
+        ax.plot(x, y, style, color=f"C{k}", linewidth=1.6, marker=".", label=method)
+        # one line with gaps, which is drawn faster than many
+        parts = [case[[cost, "error"]].to_numpy() for _, case in cases[~main].groupby("ppc")]
+        x, y = np.concatenate([GAP, *(row for part in parts for row in (part, GAP))]).T
+        ax.plot(x, y, "-", color=f"C{k}", linewidth=0.7, alpha=0.45)
     best = front(runs, cost)
     ax.plot(best[cost], best["error"], linestyle="none", marker="o", markersize=7, fillstyle="none", color="0.2")
+    ax.set(xscale="log", yscale="log")
+    ax.minorticks_off()
+    for axis in (ax.xaxis, ax.yaxis):
+        axis.set_major_formatter(power_of_ten)
+
+
+def power_of_ten(x: float, position: float) -> str:
+    """10⁻³ in plain letters: the parser of formulae takes longer than all the rest of a figure."""
+    return "10" + str(round(np.log10(x))).translate(SUPERSCRIPTS)
 
 
 def designs_recorded(report: Report, frame: pd.DataFrame, name: str) -> None:
@@ -140,18 +185,25 @@ def designs_recorded(report: Report, frame: pd.DataFrame, name: str) -> None:
             if best is not None:
                 steps.append(f"{target:.0%} by {best['run']}")
         recorder.text(f"Least {what} for a design within {'; '.join(steps)} of the best.")
-        figure, ax = plt.subplots(figsize=(6.0, 3.8))
-        for (method, cells), case in frame.groupby(level=["method", "cells"], sort=False):
-            ax.semilogx(case[cost], case["true compliance"], marker="o", label=f"{method}, {cells}")
-            for ppc, x, y in zip(case.index.get_level_values("ppc"), case[cost], case["true compliance"], strict=True):
-                ax.annotate(f" {ppc}" if ppc else "", (x, y), fontsize="small", va="bottom")
-        best_runs = front(runs, cost)
-        ax.plot(best_runs[cost], best_runs["true compliance"], "o", markersize=11, fillstyle="none", color="0.2")
-        ax.set(
-            xlabel=what if recorder is report else "CPU seconds of the optimisation", ylabel="true compliance [F²/E0]"
-        )
-        ax.legend(loc="center left", bbox_to_anchor=(1.02, 0.5))
-        recorder.figure(
-            f"{name}_{cost}", figure, "True compliance against work; digits: points per cell and direction."
-        )
+        label = what if recorder is report else "CPU seconds of the optimisation"
+        caption = "True compliance against work; digits: points per cell and direction. Circles: Pareto front."
+        draw(recorder, f"{name}_{cost}", design_figure(runs, cost, label), caption)
     report.timed.table(f"{name}_seconds", frame[["true compliance", "excess", "seconds"]], "CPU seconds.", 4)
+
+
+def design_figure(runs: pd.DataFrame, cost: str, label: str) -> Figure:
+    """True compliance of the designs against a cost."""
+    figure, axes = panels(1, 2)
+    ax = axes[0, 0]
+    for (method, cells), case in runs.groupby(level=["method", "cells"], sort=False):
+        ax.semilogx(case[cost], case["true compliance"], marker="o", label=f"{method}, {cells}")
+        for ppc, x, y in zip(case.index.get_level_values("ppc"), case[cost], case["true compliance"], strict=True):
+            ax.annotate(f" {ppc}" if ppc else "", (x, y), fontsize="small", va="bottom")
+    best = front(runs, cost)
+    ax.plot(best[cost], best["true compliance"], "o", markersize=11, fillstyle="none", color="0.2")
+    ax.set(xlabel=label, ylabel="true compliance [F²/E0]")
+    ax.minorticks_off()
+    ax.xaxis.set_major_formatter(power_of_ten)
+    axes[0, 1].set_axis_off()
+    axes[0, 1].legend(*ax.get_legend_handles_labels(), loc="center")
+    return figure

@@ -63,8 +63,8 @@ def of_elements(model: FemModel, errors: dict[str, float]) -> Outcome:
 class Quantity:
     """What is computed by both methods: levels n of the grids and of the elements of both orders.
 
-    `cells` of the grid at a level, and which points per cell the level `admits`; a level is run while points times
-    nodes of a point are at most `weights`.
+    `crossings` move the points as seeded; `cells` are those of the grid at a level, and the level `admits` some
+    numbers of points per cell and direction. A level is run while points times nodes of a point are at most `weights`.
     """
 
     name: str
@@ -72,7 +72,7 @@ class Quantity:
     elements: FemAnalysis
     levels: tuple[int, ...]
     element_levels: Mapping[int, tuple[int, ...]]
-    arrangements: tuple[Crossing, ...]
+    crossings: tuple[Crossing, ...]
     cells: Callable[[int], float]
     weights: int
     admits: Callable[[int, int], bool] = lambda n, ppc: True

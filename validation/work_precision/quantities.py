@@ -1,6 +1,7 @@
 """The quantities of the study with their levels, and the finest ones."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 from validation.crossing import Periodic
 from validation.manufactured import DeformedWave
@@ -9,11 +10,7 @@ from validation.work_precision.bracket import bracket_elements, bracket_points
 from validation.work_precision.cook import cook_elements, cook_points
 from validation.work_precision.field import field_elements, field_points
 from validation.work_precision.outcome import Quantity
-from validation.work_precision.runs import UNCROSSED
 from validation.work_precision.square import square_elements, square_points
-
-MOST_WEIGHTS = 1_000_000
-"""Weights of points on nodes up to which a level is run with --benchmark."""
 
 SQUARE = Quantity(
     "square",
@@ -21,9 +18,9 @@ SQUARE = Quantity(
     square_elements,
     levels=(4, 8, 12, 16, 24),
     element_levels={1: (4, 8, 16, 32, 64), 2: (2, 4, 8, 16, 32)},
-    arrangements=(UNCROSSED, Periodic(4), DeformedWave(8)),
+    crossings=(Periodic(4), DeformedWave(8)),
     cells=lambda n: (n + 4) ** 2,
-    weights=60_000,
+    weights=37_000,
 )
 BEAM = Quantity(
     "beam",
@@ -31,9 +28,9 @@ BEAM = Quantity(
     beam_elements,
     levels=(2, 4, 6, 8, 12),
     element_levels={1: (2, 4, 8, 16, 32), 2: (2, 4, 6, 8, 12)},
-    arrangements=(UNCROSSED, Periodic(4)),
+    crossings=(Periodic(4),),
     cells=lambda n: 4 * n**2,
-    weights=45_000,
+    weights=21_000,
 )
 COOK = Quantity(
     "cook",
@@ -41,34 +38,43 @@ COOK = Quantity(
     cook_elements,
     levels=(4, 8, 12, 16, 24),
     element_levels={1: (4, 8, 16, 32, 64), 2: (2, 4, 8, 16, 32)},
-    arrangements=(UNCROSSED, Periodic(4)),
+    crossings=(Periodic(4),),
     cells=lambda n: 0.625 * n**2,
-    weights=42_000,
+    weights=24_000,
 )
 BRACKET = Quantity(
     "bracket",
     bracket_points,
     bracket_elements,
-    levels=(10, 15, 20, 25, 30),
+    levels=(5, 10, 15, 20, 30),
     element_levels={1: (10, 15, 20, 30, 50), 2: (5, 10, 15, 20, 30)},
-    arrangements=(UNCROSSED, Periodic(4)),
+    crossings=(Periodic(4),),
     cells=lambda n: 0.64 * n**2,
-    weights=42_000,
+    weights=21_000,
+    admits=lambda n, ppc: n > 5 or ppc > 1,  # a cell around the path's ends leaves the body of five cells
 )
 FIELD = Quantity(
     "field",
     field_points,
     field_elements,
-    levels=(1, 2, 3, 4),
-    element_levels={1: (1, 2, 3, 4), 2: (1,)},
-    arrangements=(UNCROSSED, Periodic(4)),
-    cells=lambda n: 800 * n**2,
-    weights=120_000,
+    levels=(1, 2, 3, 4, 5),
+    element_levels={1: (1, 2, 3, 4, 5), 2: (1,)},
+    crossings=(Periodic(4),),
+    cells=lambda n: 200 * n**2,
+    weights=81_000,
     admits=lambda n, ppc: n * ppc % 2 == 0,  # points divide the field's squares
 )
-FINEST: dict[str, tuple[Quantity, Mapping[int, tuple[int, ...]], tuple[int, ...]]] = {
-    "square": (SQUARE, {1: (64, 128, 256), 2: (32, 64, 128)}, (32, 48, 64, 96)),
-    "beam": (BEAM, {1: (32, 64, 96), 2: (16, 32, 48)}, (12, 16, 24, 32)),
-    "cook": (COOK, {1: (64, 128, 192), 2: (32, 64, 96)}, (24, 32, 48, 96)),
-    "bracket": (BRACKET, {1: (50, 100, 200), 2: (30, 50, 100)}, (30, 40, 50, 100)),
+
+
+def finest(quantity: Quantity, levels: tuple[int, ...], element_levels: Mapping[int, tuple[int, ...]]) -> Quantity:
+    """The quantity at levels that only --benchmark runs, up to a million weights of points on nodes."""
+    return replace(quantity, levels=levels, element_levels=element_levels, weights=1_000_000)
+
+
+FINEST = {
+    "square": finest(SQUARE, (32, 48, 64, 96), {1: (64, 128, 256), 2: (32, 64, 128)}),
+    "beam": finest(BEAM, (12, 16, 24, 32), {1: (32, 64, 96), 2: (16, 32, 48)}),
+    "cook": finest(COOK, (24, 32, 48, 96), {1: (64, 128, 192), 2: (32, 64, 96)}),
+    "bracket": finest(BRACKET, (30, 40, 50, 100), {1: (50, 100, 200), 2: (30, 50, 100)}),
+    "field": finest(FIELD, (2, 3, 4, 5, 6, 8), {1: (4, 5, 6), 2: (1, 2, 3)}),
 }

@@ -1,6 +1,5 @@
 """Runs of a quantity at all levels, and what is read from them: settled errors, Pareto front, slopes."""
 
-from collections.abc import Mapping, Sequence
 from functools import partial
 
 import numpy as np
@@ -8,52 +7,35 @@ import pandas as pd
 
 from mpmtop.linear_solver import SingularMatrix
 from mpmtop.scene import NotConverged, UnsupportedBody
-from mpmtop.shape_functions import gimp
 from validation.conftest import ShowProgress
 from validation.crossing import Crossing, Uniform
-from validation.manufactured import DeformedWave
 from validation.methods import SHAPE_FUNCTIONS
 from validation.timing import measured
 from validation.work_precision.outcome import Outcome, Quantity
 
 UNCROSSED = Uniform(0.0)
-
-
 PPC = (1, 2, 3, 4)
-
-
+CROSSED_PPC = (2, 3)
+"""Points per cell and direction that are also run where they have crossed: an even number and an odd one."""
 FEM = {1: "FEM Q1", 2: "FEM Q2"}
-
-
 CASE = ["quantity", "method", "ppc", "points"]
-
-
 MEANINGLESS = 1.0
 """An error of all of the quantity: K is singular but for rounding, which then makes the number."""
 
 
-def refined(
-    quantity: Quantity,
-    progress: ShowProgress,
-    levels: Sequence[int] | None = None,
-    element_levels: Mapping[int, Sequence[int]] | None = None,
-    most: int | None = None,
-) -> pd.DataFrame:
-    """All runs of a quantity that its weights, or `most`, allow: one row for each error, method and level that
-    has a result."""
+def refined(quantity: Quantity, progress: ShowProgress) -> pd.DataFrame:
+    """All runs of a quantity that its weights allow: one row for each error, method and level that has a result."""
     cases = [
         (name, ppc, crossing, n)
-        for name, function in SHAPE_FUNCTIONS.items()
+        for name in SHAPE_FUNCTIONS
         for ppc in PPC
-        for crossing in quantity.arrangements
-        for n in levels or quantity.levels
-        if quantity.admits(n, ppc) and quantity.cells(n) * ppc**2 * stencil(name) <= (most or quantity.weights)
-        # GIMP takes domains of a cell at most, which the wave stretches beyond
-        if not (function is gimp and ppc == 1 and isinstance(crossing, DeformedWave))
+        for crossing in (UNCROSSED, *(quantity.crossings if ppc in CROSSED_PPC else ()))
+        for n in quantity.levels
+        if quantity.admits(n, ppc) and quantity.cells(n) * ppc**2 * stencil(name) <= quantity.weights
     ]
     rows = [row for case in progress(cases, quantity.name) for row in by_points(quantity, *case)]
-    for order, n_all in (element_levels or quantity.element_levels).items():
-        for n in n_all:
+    for order, levels in quantity.element_levels.items():
+        for n in levels:
             measure, seconds = measured(partial(quantity.elements, n, order))
             rows += named(measure(), method=FEM[order], ppc=0, points="", n=n, seconds=seconds)
     frame = pd.DataFrame(rows)
@@ -76,8 +58,8 @@ def settled(frame: pd.DataFrame) -> pd.DataFrame:
 
 
 def stencil(name: str) -> int:
-    """Most nodes of a point."""
-    return {"standard": 4, "cubic B-spline": 16}.get(name, 9)
+    """Nodes of nearly all points: GIMP's domains that lie in one cell, as most do, have those of the tent."""
+    return {"quadratic B-spline": 9, "cubic B-spline": 16}.get(name, 4)
 
 
 def by_points(quantity: Quantity, name: str, ppc: int, crossing: Crossing, n: int) -> list[dict[str, object]]:
