@@ -10,7 +10,7 @@ from mpmtop.equilibrium import Model
 from mpmtop.scene import Material
 from mpmtop.shape_functions import ShapeFunction, bspline2, bspline3, gimp, tent
 from validation import manufactured
-from validation.crossing import Uniform
+from validation.crossing import Periodic, Uniform
 from validation.work_precision.beam import (
     BEAM,
     SLENDER,
@@ -22,9 +22,9 @@ from validation.work_precision.beam import (
     beam_tractions,
 )
 from validation.work_precision.cook import cook_elements
-from validation.work_precision.outcome import Outcome, stored_bytes
+from validation.work_precision.outcome import Measure, Outcome, Quantity, stored_bytes
 from validation.work_precision.probe import points_model, probe
-from validation.work_precision.runs import cheapest, front, settled, slopes
+from validation.work_precision.runs import cheapest, front, refined, settled, slopes
 
 DEPTH = 3.0
 X = np.random.default_rng(7).uniform((0, 0), (SLENDER * DEPTH, DEPTH), (40, 2))
@@ -157,6 +157,31 @@ def test_stored_bytes() -> None:
     matrix = sp.csr_array(np.eye(3))
     index = matrix.indices.nbytes + matrix.indptr.nbytes
     assert stored_bytes(np.zeros((2, 5)), matrix, "no array") == 80 + 24 + index
+
+
+def test_what_is_run() -> None:
+    """Levels within the weights; crossed with 2 x 2 and 3 x 3 points only; no error below what is resolved."""
+
+    def analysis(n: int, *case: object) -> Measure:
+        return lambda: Outcome({"q": 4.0**-n}, 10 * n**2, 100 * n**2, 1_000)
+
+    quantity = Quantity(
+        "fake",
+        analysis,
+        analysis,
+        levels=(1, 2, 3),
+        element_levels={1: (1, 2, 3), 2: (2,)},
+        crossings=(Periodic(4),),
+        cells=lambda n: n**2,
+        weights=9 * 2**2 * 3**2,  # quadratic B-splines: 3 x 3 points up to level 2
+        resolved=0.05,
+    )
+    found = refined(quantity, lambda cases, label: iter(cases))
+    levels = found.groupby(["method", "points", "ppc"])["n"].max()
+    assert levels["quadratic B-spline", "uncrossed"].to_dict() == {1: 3, 2: 3, 3: 2, 4: 1}
+    assert set(levels["standard", "periodic(4, 0.26)"].index) == {2, 3}
+    assert found.groupby("method")["n"].count()[["FEM Q1", "FEM Q2"]].to_list() == [3, 1]
+    assert set(found["error"]) == {0.25, 0.0625, 0.05}
 
 
 def runs(errors: dict[str, list[float]]) -> pd.DataFrame:

@@ -198,7 +198,8 @@ def design_figure(runs: pd.DataFrame, cost: str, label: str) -> Figure:
     for (method, cells), case in runs.groupby(level=["method", "cells"], sort=False):
         ax.semilogx(case[cost], case["true compliance"], marker="o", label=f"{method}, {cells}")
         for ppc, x, y in zip(case.index.get_level_values("ppc"), case[cost], case["true compliance"], strict=True):
-            ax.annotate(f" {ppc}" if ppc else "", (x, y), fontsize="small", va="bottom")
+            digit = str(ppc) if ppc else ""
+            ax.annotate(digit, (x, y), (7, 0), textcoords="offset points", fontsize="x-small", va="center")
     best = front(runs, cost)
     ax.plot(best[cost], best["true compliance"], "o", markersize=11, fillstyle="none", color="0.2")
     ax.set(xlabel=label, ylabel="true compliance [F²/E0]")

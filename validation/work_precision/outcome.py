@@ -65,6 +65,7 @@ class Quantity:
 
     `crossings` move the points as seeded; `cells` are those of the grid at a level, and the level `admits` some
     numbers of points per cell and direction. A level is run while points times nodes of a point are at most `weights`.
+    Errors below what the reference has `resolved` are counted as that much.
     """
 
     name: str
@@ -75,4 +76,5 @@ class Quantity:
     crossings: tuple[Crossing, ...]
     cells: Callable[[int], float]
     weights: int
+    resolved: float = 0.0
     admits: Callable[[int, int], bool] = lambda n, ppc: True

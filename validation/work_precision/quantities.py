@@ -41,6 +41,7 @@ COOK = Quantity(
     crossings=(Periodic(4),),
     cells=lambda n: 0.625 * n**2,
     weights=24_000,
+    resolved=1e-4,
 )
 BRACKET = Quantity(
     "bracket",
@@ -51,6 +52,7 @@ BRACKET = Quantity(
     crossings=(Periodic(4),),
     cells=lambda n: 0.64 * n**2,
     weights=21_000,
+    resolved=2e-4,
     admits=lambda n, ppc: n > 5 or ppc > 1,  # a cell around the path's ends leaves the body of five cells
 )
 FIELD = Quantity(
@@ -62,6 +64,7 @@ FIELD = Quantity(
     crossings=(Periodic(4),),
     cells=lambda n: 200 * n**2,
     weights=81_000,
+    resolved=2e-3,
     admits=lambda n, ppc: n * ppc % 2 == 0,  # points divide the field's squares
 )
 
@@ -73,8 +76,8 @@ def finest(quantity: Quantity, levels: tuple[int, ...], element_levels: Mapping[
 
 FINEST = {
     "square": finest(SQUARE, (32, 48, 64, 96), {1: (64, 128, 256), 2: (32, 64, 128)}),
-    "beam": finest(BEAM, (12, 16, 24, 32), {1: (32, 64, 96), 2: (16, 32, 48)}),
-    "cook": finest(COOK, (24, 32, 48, 96), {1: (64, 128, 192), 2: (32, 64, 96)}),
+    "beam": finest(BEAM, (12, 16, 24, 32), {1: (32, 64, 96), 2: (12, 16, 24)}),
+    "cook": finest(COOK, (24, 32, 48, 96), {1: (64, 128, 192), 2: (16, 32, 48)}),
     "bracket": finest(BRACKET, (30, 40, 50, 100), {1: (50, 100, 200), 2: (30, 50, 100)}),
-    "field": finest(FIELD, (2, 3, 4, 5, 6, 8), {1: (4, 5, 6), 2: (1, 2, 3)}),
+    "field": finest(FIELD, (2, 3, 4, 5, 6, 8), {1: (4, 5, 6), 2: (1,)}),
 }

@@ -37,7 +37,7 @@ def refined(quantity: Quantity, progress: ShowProgress) -> pd.DataFrame:
     for order, levels in quantity.element_levels.items():
         for n in levels:
             measure, seconds = measured(partial(quantity.elements, n, order))
-            rows += named(measure(), method=FEM[order], ppc=0, points="", n=n, seconds=seconds)
+            rows += named(quantity, measure(), method=FEM[order], ppc=0, points="", n=n, seconds=seconds)
     frame = pd.DataFrame(rows)
     frame["stored"] /= 1e6
     return settled(frame)
@@ -68,13 +68,17 @@ def by_points(quantity: Quantity, name: str, ppc: int, crossing: Crossing, n: in
         measure, seconds = measured(partial(quantity.points, n, SHAPE_FUNCTIONS[name], ppc, crossing))
     except (SingularMatrix, UnsupportedBody, NotConverged):
         return []
-    rows = named(measure(), method=name, ppc=ppc, points=label(crossing), n=n, seconds=seconds)
+    rows = named(quantity, measure(), method=name, ppc=ppc, points=label(crossing), n=n, seconds=seconds)
     return [row for row in rows if row["error"] < MEANINGLESS]  # type: ignore[operator]
 
 
-def named(outcome: Outcome, **case: object) -> list[dict[str, object]]:
+def named(quantity: Quantity, outcome: Outcome, **case: object) -> list[dict[str, object]]:
+    """A row for each error of an analysis: the case, its cost and the error, as far as it is resolved."""
     cost = {"unknowns": outcome.unknowns, "nonzeros": outcome.nonzeros, "stored": outcome.stored}
-    return [{"quantity": name, **case, **cost, "error": error} for name, error in outcome.errors.items()]
+    return [
+        {"quantity": name, **case, **cost, "error": max(error, quantity.resolved)}
+        for name, error in outcome.errors.items()
+    ]
 
 
 def label(crossing: Crossing) -> str:
