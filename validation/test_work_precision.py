@@ -191,8 +191,9 @@ def test_designs(report: Report, lock: Lock) -> None:
 def test_finest(report: Report, progress: ShowProgress, name: str) -> None:
     """The finest levels
 
-    The sections above, continued; these take minutes and run by `make benchmark` only. A level is left out where points
-    times nodes exceed a million.
+    The sections above, continued, by `make benchmark` only: a minute for each. A level is left out where points times
+    nodes exceed a million. Sentences and fronts are of these levels alone: an error that the first of them has already
+    is reached for less above.
     """
     frame = refined(FINEST[name], progress)
     recorded(report, frame, f"finest_{name}")

@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator
 
 from validation.methods import SHAPE_FUNCTIONS
 from validation.report import Recorder, Report
@@ -158,7 +159,7 @@ def panel(ax: Axes, runs: pd.DataFrame, cost: str) -> None:
         # one line with gaps, which is drawn faster than many
         parts = [case[[cost, "error"]].to_numpy() for _, case in cases[~main].groupby("ppc")]
         x, y = np.concatenate([GAP, *(row for part in parts for row in (part, GAP))]).T
-        ax.plot(x, y, "-", color=f"C{k}", linewidth=0.7, alpha=0.45)
+        ax.plot(x, y, "-", color=f"C{k}", linewidth=0.8, alpha=0.6)
     best = front(runs, cost)
     ax.plot(best[cost], best["error"], linestyle="none", marker="o", markersize=7, fillstyle="none", color="0.2")
     ax.set(xscale="log", yscale="log")
@@ -168,8 +169,9 @@ def panel(ax: Axes, runs: pd.DataFrame, cost: str) -> None:
 
 
 def power_of_ten(x: float, position: float) -> str:
-    """10⁻³ in plain letters: the parser of formulae takes longer than all the rest of a figure."""
-    return "10" + str(round(np.log10(x))).translate(SUPERSCRIPTS)
+    """10⁻³ or 3·10⁻³ in plain letters: the parser of formulae takes longer than all the rest of a figure."""
+    digit, power = f"{x:.0e}".split("e")
+    return ("" if digit == "1" else f"{digit}·") + "10" + str(int(power)).translate(SUPERSCRIPTS)
 
 
 def designs_recorded(report: Report, frame: pd.DataFrame, name: str) -> None:
@@ -204,6 +206,7 @@ def design_figure(runs: pd.DataFrame, cost: str, label: str) -> Figure:
     ax.plot(best[cost], best["true compliance"], "o", markersize=11, fillstyle="none", color="0.2")
     ax.set(xlabel=label, ylabel="true compliance [F²/E0]")
     ax.minorticks_off()
+    ax.xaxis.set_major_locator(LogLocator(subs=(1, 3)))  # costs may span less than a decade
     ax.xaxis.set_major_formatter(power_of_ten)
     axes[0, 1].set_axis_off()
     axes[0, 1].legend(*ax.get_legend_handles_labels(), loc="center")
