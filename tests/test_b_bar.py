@@ -17,7 +17,6 @@ from mpmtop.shape_functions import ShapeFunction, bspline2, gimp, tent
 from mpmtop.stiffness import CellMap
 from tests.scenes import SHAPE_FUNCTIONS, cantilever
 from validation import locking
-from validation.work_precision import BEAM, beam, beam_places
 
 ARRANGEMENTS = ("seeded", "on lines", "scattered")
 NEARLY = Material(young=2.0, poisson=0.49)
@@ -199,10 +198,3 @@ def test_limit(poisson: float) -> None:
     """The error falls with h at every nu: the cure is one at the limit of small h, too, where the tent still locks."""
     errors = [locking.by_points(n, tent, poisson, True).tip for n in (4, 8)]
     assert abs(errors[1]) < 0.31 * abs(errors[0])  # order above 1.7
-
-
-def test_exact_tip() -> None:
-    """The plane strain tip is the plane stress one of the constants E / (1 - nu^2) = E', nu / (1 - nu) = nu'."""
-    nu = BEAM.poisson / (1 + BEAM.poisson)
-    exact = beam(beam_places(6), 6).u[2, 1]
-    assert locking.tip_displacement(6, nu) == pytest.approx(exact * (1 - nu**2), rel=1e-14)  # rounding

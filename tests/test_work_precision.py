@@ -7,25 +7,24 @@ import scipy.sparse as sp
 from numpy.polynomial.legendre import leggauss
 
 from mpmtop.equilibrium import Model
+from mpmtop.scene import Material
 from mpmtop.shape_functions import ShapeFunction, bspline2, bspline3, gimp, tent
 from validation import manufactured
-from validation.crossing import Uniform
-from validation.test_work_precision import cheapest, front, settled, slopes
-from validation.work_precision import (
+from validation.crossing import Periodic, Uniform
+from validation.work_precision.beam import (
     BEAM,
     SLENDER,
-    Outcome,
     beam,
     beam_elements,
     beam_energy,
     beam_places,
     beam_scene,
     beam_tractions,
-    cook_elements,
-    points_model,
-    probe,
-    stored_bytes,
 )
+from validation.work_precision.cook import cook_elements
+from validation.work_precision.outcome import Measure, Outcome, Quantity, stored_bytes
+from validation.work_precision.probe import points_model, probe
+from validation.work_precision.runs import cheapest, front, refined, settled, slopes
 
 DEPTH = 3.0
 X = np.random.default_rng(7).uniform((0, 0), (SLENDER * DEPTH, DEPTH), (40, 2))
@@ -35,10 +34,22 @@ RTOL_DIFFERENCE = 1e-9
 depth squared; polynomials of degree two in stress have none but rounding, 1e-16 / STEP."""
 
 
-def slope(field: str, component: int, axis: int) -> np.ndarray:
+each_material = pytest.mark.parametrize(
+    "material", [BEAM, Material(2.0, 0.4, "strain"), Material(1.0, -0.5, "strain")], ids=str
+)
+
+
+def slope(field: str, component: int, axis: int, material: Material = BEAM) -> np.ndarray:
     shift = STEP * np.eye(2)[axis]
-    after, before = (getattr(beam(X + s, DEPTH), field)[:, component] for s in (shift, -shift))
+    after, before = (getattr(beam(X + s, DEPTH, material), field)[:, component] for s in (shift, -shift))
     return (after - before) / (2 * STEP)
+
+
+def hooke(stress: np.ndarray, material: Material) -> np.ndarray:
+    """Strains (3, p), Voigt, by the compliances of the solid: the stress out of the plane is that of `plane`."""
+    (xx, yy, xy), E, nu = stress.T, material.young, material.poisson
+    zz = nu * (xx + yy) if material.plane == "strain" else 0
+    return np.stack([xx - nu * (yy + zz), yy - nu * (xx + zz), 2 * (1 + nu) * xy]) / E
 
 
 def test_beam_is_in_equilibrium() -> None:
@@ -47,12 +58,11 @@ def test_beam_is_in_equilibrium() -> None:
         assert np.abs(slope("stress", *first) + slope("stress", *second)).max() < RTOL_DIFFERENCE * largest
 
 
-def test_strain_of_the_beam_follows_from_its_stress() -> None:
-    # with a displacement to every strain, the strains are compatible; Hooke's law of plane stress by its compliances
-    E, nu, stress = BEAM.young, BEAM.poisson, beam(X, DEPTH).stress
-    strain = np.stack([slope("u", 0, 0), slope("u", 1, 1), slope("u", 0, 1) + slope("u", 1, 0)])
-    xx, yy, xy = stress.T
-    expected = np.stack([xx - nu * yy, yy - nu * xx, 2 * (1 + nu) * xy]) / E
+@each_material
+def test_strain_of_the_beam_follows_from_its_stress(material: Material) -> None:
+    # with a displacement to every strain, the strains are compatible
+    xx, yy, xy, yx = (slope("u", *of, material) for of in ((0, 0), (1, 1), (0, 1), (1, 0)))
+    strain, expected = np.stack([xx, yy, xy + yx]), hooke(beam(X, DEPTH, material).stress, material)
     np.testing.assert_allclose(strain, expected, rtol=0, atol=1e-6 * np.abs(expected).max())  # STEP^2 / 6 / depth^2
 
 
@@ -77,18 +87,18 @@ def test_tractions_carry_the_unit_force_and_its_moment() -> None:
     assert np.sum(x[:, 0] * force[:, 1] - x[:, 1] * force[:, 0]) == pytest.approx(0, abs=1e-12)
 
 
-def test_strain_energy_is_that_of_the_stress() -> None:
+@each_material
+def test_strain_energy_is_that_of_the_stress(material: Material) -> None:
     # Gauss points, exact for the quartic in y and the quadratic in x
     node, weight = leggauss(4)
     gx, gy = np.meshgrid((1 + node) / 2 * SLENDER * DEPTH, (1 + node) / 2 * DEPTH, indexing="ij")
-    xx, yy, xy = beam(np.stack([gx.ravel(), gy.ravel()], axis=1), DEPTH).stress.T
-    E, nu = BEAM.young, BEAM.poisson
-    density = (xx**2 + yy**2 - 2 * nu * xx * yy + 2 * (1 + nu) * xy**2) / (2 * E)
-    area = SLENDER * DEPTH**2
-    assert beam_energy(DEPTH) == pytest.approx(np.outer(weight, weight).ravel() @ density * area / 4, rel=1e-13)
+    stress = beam(np.stack([gx.ravel(), gy.ravel()], axis=1), DEPTH, material).stress
+    density = np.sum(stress.T * hooke(stress, material), axis=0) / 2
+    area, energy = SLENDER * DEPTH**2, beam_energy(DEPTH, material)
+    assert energy == pytest.approx(np.outer(weight, weight).ravel() @ density * area / 4, rel=1e-13)
     # and, by Clapeyron, half the work of the tractions
     x, force = beam_tractions(4)
-    assert beam_energy(4) == pytest.approx(np.sum(force * beam(x, 4).u) / 2, rel=1e-12)
+    assert beam_energy(4, material) == pytest.approx(np.sum(force * beam(x, 4, material).u) / 2, rel=1e-12)
 
 
 def order(coarse: Outcome, fine: Outcome, name: str) -> float:
@@ -147,6 +157,31 @@ def test_stored_bytes() -> None:
     matrix = sp.csr_array(np.eye(3))
     index = matrix.indices.nbytes + matrix.indptr.nbytes
     assert stored_bytes(np.zeros((2, 5)), matrix, "no array") == 80 + 24 + index
+
+
+def test_what_is_run() -> None:
+    """Levels within the weights; crossed with 2 x 2 and 3 x 3 points only; no error below what is resolved."""
+
+    def analysis(n: int, *case: object) -> Measure:
+        return lambda: Outcome({"q": 4.0**-n}, 10 * n**2, 100 * n**2, 1_000)
+
+    quantity = Quantity(
+        "fake",
+        analysis,
+        analysis,
+        levels=(1, 2, 3),
+        element_levels={1: (1, 2, 3), 2: (2,)},
+        crossings=(Periodic(4),),
+        cells=lambda n: n**2,
+        weights=9 * 2**2 * 3**2,  # quadratic B-splines: 3 x 3 points up to level 2
+        resolved=0.05,
+    )
+    found = refined(quantity, lambda cases, label: iter(cases))
+    levels = found.groupby(["method", "points", "ppc"])["n"].max()
+    assert levels["quadratic B-spline", "uncrossed"].to_dict() == {1: 3, 2: 3, 3: 2, 4: 1}
+    assert set(levels["standard", "periodic(4, 0.26)"].index) == {2, 3}
+    assert found.groupby("method")["n"].count()[["FEM Q1", "FEM Q2"]].to_list() == [3, 1]
+    assert set(found["error"]) == {0.25, 0.0625, 0.05}
 
 
 def runs(errors: dict[str, list[float]]) -> pd.DataFrame:

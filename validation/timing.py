@@ -45,7 +45,7 @@ def evaluation_with_gradient(problem: Problem[Any]) -> Work:
 
 
 Result = TypeVar("Result")
-REPEATED_BELOW = 0.02
+REPEATED_BELOW = 0.005
 """CPU seconds in all below which a call is repeated, three times at most: caches warm up."""
 
 
