@@ -40,6 +40,7 @@ RTOL_OPTIMUM = 2e-3
 """As for the cantilever: iterations amplify another processor's rounding to a few 1e-4."""
 
 
+@pytest.mark.slow
 def test_manufactured(report: Report, lock: Lock, progress: ShowProgress) -> None:
     """Manufactured solution
 
@@ -58,6 +59,7 @@ def test_manufactured(report: Report, lock: Lock, progress: ShowProgress) -> Non
     assert holds
 
 
+@pytest.mark.slow
 def test_timoshenko(report: Report, lock: Lock, progress: ShowProgress) -> None:
     """Timoshenko's cantilever
 
@@ -82,6 +84,7 @@ def test_timoshenko(report: Report, lock: Lock, progress: ShowProgress) -> None:
     assert holds
 
 
+@pytest.mark.slow
 def test_cook(report: Report, lock: Lock, progress: ShowProgress) -> None:
     """Cook's membrane
 
@@ -113,6 +116,7 @@ def test_cook(report: Report, lock: Lock, progress: ShowProgress) -> None:
     assert all(holds)
 
 
+@pytest.mark.slow
 def test_l_bracket(report: Report, lock: Lock, progress: ShowProgress) -> None:
     """Stress on a path of the L-bracket
 
@@ -134,6 +138,7 @@ def test_l_bracket(report: Report, lock: Lock, progress: ShowProgress) -> None:
     assert holds
 
 
+@pytest.mark.slow
 def test_field(report: Report, lock: Lock, progress: ShowProgress) -> None:
     """Compliance of a fixed optimised field
 
@@ -163,6 +168,7 @@ ROUTES: dict[str, tuple[float, tuple[int, ...]]] = {
 SIZES = (1.0, 0.5)
 
 
+@pytest.mark.slow
 def test_designs(report: Report, lock: Lock) -> None:
     """The design for the time: true objective of optimised cantilevers
 
