@@ -201,15 +201,15 @@ def draw_cuts(report: Report, rows: Cuts) -> None:
     figure, axes = plt.subplots(1, 3, figsize=(8.0, 3.2))
     for remedy in ("none", "ghost penalty"):
         part = column(rows, remedy)
-        axes[0].loglog(part["cut"], part["condition"], label=f"{remedy}")
+        axes[0].loglog(part["cut"], part["condition"], label=remedy)
         axes[0].loglog(part["cut"], part["condition, scaled"], label=f"{remedy}, scaled")
-        axes[1].loglog(part["cut"], part["points, change"], label=remedy)
-        axes[2].loglog(part["cut"], part["nodes over points"], label=remedy)
+        color = axes[0].get_lines()[-2].get_color()
+        axes[1].loglog(part["cut"], part["points, change"], color=color)
+        axes[2].loglog(part["cut"], part["nodes over points"], color=color)
     titles = ("condition number", "change at points", "nodes over points")
     for ax, title in zip(axes, titles, strict=True):
         ax.set(xlabel="cut / h", title=title)
-    axes[0].legend(fontsize="x-small")
-    axes[2].legend(fontsize="x-small")
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
     report.figure("small_cuts", figure, "Condition numbers and displacements against the size of a cut at a corner.")
 
 
