@@ -13,7 +13,7 @@ export MKL_NUM_THREADS ?= 1
 .PHONY: validate benchmark test lint lock clean
 
 validate: .venv/installed
-	$(BIN)/python -m pytest validation -n $(JOBS) --dist loadfile $(if $(QUICK),--quick)
+	$(BIN)/python -m pytest validation -n $(JOBS) --dist loadfile $(if $(filter-out 0,$(QUICK)),--quick)
 
 # minutes each, beside pyMOTO and Kratos; one process, so that CPU times are not those of a crowded machine
 benchmark: .venv/peers

@@ -20,6 +20,7 @@ from mpmtop.points import MaterialPoints, seed
 from mpmtop.scene import (
     Array,
     Index,
+    InvalidScene,
     LoadOutsideBody,
     Mask,
     NotConverged,
@@ -34,6 +35,8 @@ from mpmtop.transfer import Transfer, transfer, weights
 
 CONNECTS = 1e-7
 """Points softer than this part of the stiffest tie nothing to a support: only used to say what floats."""
+ADJOINT = 1e-6
+"""Error of a gradient, relative, that rounding may leave where void carries the load: it misleads no optimiser."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +94,7 @@ def discretise(
     `solver` the choice of solver by size, `choose_solver` with a tolerance that suits the objective. `ghost` is gamma
     of the ghost penalty, see `mpmtop.ghost`: zero for none; tent and GIMP only. `b_bar` averages the dilatation over
     each cell against volumetric locking, see `mpmtop.b_bar`.
-    Raises EmptyDomain, PointOutsideGrid, LoadOutsideBody or UnsupportedBody.
+    Raises EmptyDomain, PointOutsideGrid, LoadOutsideBody, UnsupportedBody, or InvalidScene for `b_bar` in plane stress.
 
     Limit: domains of GIMP that leave the body's outermost cells by a hair give the nodes outside a hair of stiffness.
     These move far and the edge gets softer by a step, the more so the fewer cells the body has, unless a ghost penalty
@@ -114,6 +117,8 @@ def discretise(
     D = tangent(scene.material)
     penalty = ghost_penalty(ghost, grid, points, operators, shape_function)
     if b_bar:
+        if scene.material.plane == "stress":
+            raise InvalidScene("b_bar: plane stress does not lock, and B-bar only makes it softer; leave it off")
         operators = with_mean_dilatation(grid, points, operators)
     K = stiffness(grid, points, operators, D, held, penalty)
     if not np.any(f_ext[K.dof]):
@@ -208,8 +213,8 @@ def checked_solve(
 
     Where void carries load, |K| |u| exceeds |load| so far that rounding alone leaves |R| above that, with load . u
     right to all digits that matter. So the last step may miss it if the error in the energy norm is small: its square,
-    R . K^-1 R, must not exceed tol load . u, with |R . u| added, as both enter load . u, or for an adjoint the square
-    of |R . v| / |load . v|.
+    R . K^-1 R, must not exceed tol load . u, with |R . u| added, as both enter load . u; an adjoint may leave ADJOINT
+    of |load . v|.
 
     Raises NotConverged, naming where u is least certain, UnsupportedBody where an iterative solver meets a mechanism,
     and ValueError where load . u leaves the range of double precision.
@@ -228,25 +233,37 @@ def checked_solve(
         f_int = model.internal_force(model.stress(moduli, strain)) + model.ghost.force(moduli, u)
         residual = (load - f_int)[free]
         energy = float(load @ u)
-        if not 0 < energy < np.inf:
-            raise ValueError(
-                f"load . u = {energy:g} is no positive number in double precision: choose units nearer to the "
-                "force and the modulus"
-            )
+        if not energy > 0 or energy == np.inf:
+            raise _unusable(model, moduli, u[free], energy)
         relative = float(np.linalg.norm(residual) / size)
         v = u if state is None else state
-        missed = abs(float(residual @ v[free]) / float(load @ v))
+        missed = _part(abs(float(residual @ v[free])), abs(float(load @ v)))
         if relative <= tol and missed <= tol:
             return Solution(u, strain, step, relative)
     with _mechanism_named(model, moduli):
         correction = solve(residual)
-    error = abs(float(residual @ correction)) / energy + (missed if state is None else missed**2)
-    if error <= tol:
+    error = abs(float(residual @ correction)) / energy + (missed if state is None else 0.0)
+    if error <= tol and (state is None or missed <= max(tol, ADJOINT)):
         return Solution(u, strain, max_steps, relative)
     raise NotConverged(
         f"residual {relative:.1e} |load|, {error:.1e} of the energy, after {max_steps} Newton steps (tolerance "
         f"{tol:.0e}): the stiffness is nearly singular at {_place(model, moduli, int(np.argmax(np.abs(correction))))}; "
         "raise E_min / E0 (`contrast`) or support the body better"
+    )
+
+
+def _part(part: float, whole: float) -> float:
+    """part / whole of numbers that are not negative; nothing is no part of nothing."""
+    return part / whole if whole > 0 else (np.inf if part > 0 else 0.0)
+
+
+def _unusable(model: Model, moduli: Array, u: Array, energy: float) -> Exception:
+    """Why load . u = `energy` is not the work of a solution u (m,)."""
+    if energy in (0, np.inf):
+        return ValueError(f"load . u = {energy:g}: choose units nearer to the force and the modulus")
+    return NotConverged(
+        f"load . u = {energy:g}, where K is positive: the stiffness is nearly singular at "
+        f"{_place(model, moduli, int(np.argmax(np.abs(u))))}; raise E_min / E0 (`contrast`) or support the body better"
     )
 
 

@@ -77,22 +77,24 @@ class Solver(Protocol):
         ...
 
 
-def checked_factor(solve: Solve, diagonal: Array, pivot: Array) -> Solve:
+def checked_factor(solve: Solve, diagonal: Array, pivot: Array | None) -> Solve:
     """A factorisation with pivots (m,) in units of the diagonal (m,), both in the order of the unknowns; SingularMatrix
     if what it factored is singular to rounding.
 
-    Where a pivot is SUSPECT two steps of inverse iteration on the scaled matrix, at the price of two solves, find the
-    direction of least stiffness and what is left of it.
+    Where a pivot is SUSPECT, or none is known (None), two steps of inverse iteration on the scaled matrix, at the price
+    of two solves, find the direction of least stiffness and what is left of it.
     """
-    if np.min(pivot) < SINGULAR:
-        raise SingularMatrix(int(np.argmin(pivot)))
-    if np.min(pivot) < SUSPECT:
-        root = np.sqrt(diagonal)
-        loosest = np.random.default_rng(0).normal(size=len(root))
+    if pivot is not None and np.min(pivot) >= SUSPECT:
+        return solve
+    root = np.sqrt(diagonal)
+    loosest = np.random.default_rng(0).normal(size=len(root))
+    with np.errstate(all="ignore"):  # a pivot may be zero
         for _ in range(2):
             loosest = root * solve(root * loosest / np.linalg.norm(loosest))
-        if not np.linalg.norm(loosest) < 1 / SINGULAR:
-            raise SingularMatrix(int(np.argmax(np.abs(loosest))))
+    if pivot is not None and np.min(pivot) < SINGULAR:
+        raise SingularMatrix(int(np.argmax(np.abs(loosest)) if np.all(np.isfinite(loosest)) else np.argmin(pivot)))
+    if not np.linalg.norm(loosest) < 1 / SINGULAR:
+        raise SingularMatrix(int(np.argmax(np.abs(loosest))))
     return solve
 
 
@@ -179,7 +181,7 @@ class Pardiso:
             solver.factorize(upper)
         except PyPardisoError as error:
             raise SingularMatrix(int(np.argmin(upper.diagonal()))) from error
-        return lambda b: solver.solve(upper, b)
+        return checked_factor(lambda b: solver.solve(upper, b), upper.diagonal(), None)
 
 
 @dataclass(frozen=True, eq=False)

@@ -43,8 +43,8 @@ class NotConverged(RuntimeError):
 class Material:
     """Isotropic linear elasticity: Young's modulus E0 of the solid, Poisson's ratio, plane strain or plane stress.
 
-    Limit: in plane strain all shape functions lock as Poisson's ratio nears 0.5, from about 0.45 on: the body is too
-    stiff, in the end by orders of magnitude, unless `discretise(..., b_bar=True)`.
+    Limit: in plane strain the body is too stiff as Poisson's ratio nears 0.5, with tent and GIMP from about 0.45 on,
+    with B-splines from about 0.49, in the end several times, unless `discretise(..., b_bar=True)`.
     """
 
     young: float = 1.0

@@ -8,7 +8,7 @@ import pytest
 
 from mpmtop.equilibrium import Model, Solution, checked_solve, discretise, equilibrium
 from mpmtop.grid import Grid
-from mpmtop.linear_solver import BandedCholesky, SuperLU
+from mpmtop.linear_solver import BandedCholesky, Solve, SuperLU
 from mpmtop.objectives import compliance, compliance_gradient
 from mpmtop.points import MaterialPoints, to_gauss_points
 from mpmtop.scene import (
@@ -280,11 +280,34 @@ def test_checked_solve_mends_a_solver_and_refuses_a_useless_one() -> None:
     assert solution(1 + 1e-4, tol=1e-3).steps == 1
     with pytest.raises(NotConverged, match="nearly singular at displacement"):
         solution(1.2)
+    for useless in (np.nan, -1.0):
+        with pytest.raises(NotConverged, match="nearly singular at displacement"):
+            solution(useless)
     with pytest.raises(ValueError, match="choose units"):
-        solution(np.nan)
+        solution(0.0)
     nothing = checked_solve(model, moduli, exact.solve, np.zeros_like(model.f_ext))
     assert nothing.steps == 0
     assert not np.any(nothing.u)
+
+
+def test_an_adjoint_whose_work_on_the_state_is_off_is_refused() -> None:
+    """A solver that misses a part of the state for good: its residual has an energy below the tolerance, and the
+    gradient is wrong by that part all the same. A state at rest has no part to miss."""
+    model = discretise(cantilever(), 1.0)
+    state = equilibrium(model, np.ones(128))
+    free = model.stiffness.dof
+
+    def missing(part: float) -> Solve:
+        u = state.u[free]
+        return lambda b: state.solve(b) - part * u * (b @ u) / (model.f_ext @ state.u)
+
+    def adjoint(part: float, of: Array) -> Solution:
+        return checked_solve(model, state.moduli, missing(part), model.f_ext, state=of, max_steps=1)
+
+    assert adjoint(1e-7, state.u).residual < 1e-6
+    with pytest.raises(NotConverged):
+        adjoint(3e-5, state.u)
+    assert adjoint(0.0, np.zeros_like(state.u)).steps == 1
 
 
 def test_a_soft_part_that_a_small_residual_misses() -> None:

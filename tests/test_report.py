@@ -23,7 +23,8 @@ from markdown_it import MarkdownIt
 from validation import conftest
 from validation.metrics import STYLE, draw_design, draw_points
 from validation.report import CLAIM_COLUMNS, Claim, Report
-from validation.templates import cell, show
+from validation.templates import cell, replace, show
+from validation.timed import read_timed
 
 pytest_plugins = ["pytester"]
 
@@ -275,6 +276,32 @@ def test_times_of_another_version_are_left_out(studied: tuple[Path, str], pytest
     (pytester.path / "reports" / "timed" / "sections.json").write_text('[{"study": "crossing", "machine": "old"}]')
     assert "2 of 5 claims run" in rerun(pytester, "-k", "jump")
     assert "crossing.md" in (pytester.path / "reports" / "timings.md").read_text()
+
+
+def test_a_damaged_benchmark_is_not_overwritten(
+    studied: tuple[Path, str], pytester: pytest.Pytester, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PYTHONPATH", str(ROOT))
+    shutil.copytree(studied[0], pytester.path, dirs_exist_ok=True)
+    store = pytester.path / "reports" / "benchmark" / "sections.json"
+    store.parent.mkdir()
+    store.write_text("<<<<<<< HEAD")
+    with pytest.raises(ValueError, match="is not a store of this report: restore the committed one"):
+        read_timed(store.parents[1])
+    # at once, not after the studies
+    refused = pytester.runpytest_subprocess(*OPTIONS, "-k", "jump")
+    assert "restore the committed one" in refused.stderr.str()
+    assert "passed" not in refused.stdout.str()
+    assert store.read_text() == "<<<<<<< HEAD"
+
+
+def test_an_interrupted_write_leaves_the_old_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    page = tmp_path / "index.md"
+    replace(page, "whole")
+    monkeypatch.setattr(os, "replace", lambda *paths: (_ for _ in ()).throw(KeyboardInterrupt))
+    with pytest.raises(KeyboardInterrupt):
+        replace(page, "the next one")
+    assert page.read_text() == "whole"
 
 
 def test_where_the_time_goes(studied: tuple[Path, str]) -> None:

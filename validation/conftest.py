@@ -226,13 +226,27 @@ def progress(pytestconfig: pytest.Config) -> ShowProgress:
     return show
 
 
+def pytest_sessionstart(session: pytest.Session) -> None:
+    """Refuse stores that cannot be read before minutes are spent on what could not be added to them."""
+    try:
+        read(_directory(session.config))
+        read_timed(_directory(session.config))
+    except ValueError as error:
+        raise pytest.UsageError(str(error)) from error
+
+
+def _directory(config: pytest.Config) -> Path:
+    """Where the report is written."""
+    return Path(config.getoption("--reports", None) or config.rootpath / "reports").absolute()
+
+
 def pytest_sessionfinish(session: pytest.Session) -> None:
     run = session.config.stash[RUN]
     ran = run.received + [_ran(item, report) for item, report in run.reports.items()]
     if hasattr(session.config, "workeroutput") or not (ran or run.crashed):
         return
     ran.sort(key=lambda test: test.position)
-    directory = Path(session.config.getoption("--reports", None) or session.config.rootpath / "reports").absolute()
+    directory = _directory(session.config)
     before = read(directory)
     studies = _studies(ran, run.crashed, before)
     reports = [test.report for test in ran]

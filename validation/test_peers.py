@@ -202,7 +202,7 @@ def test_kratos_time(report: Report, progress: ShowProgress) -> None:
     The points as seeded, solid. Kratos by conjugate gradients with algebraic multigrid to a residual of 1e-9, its
     faster solver here, `mpmtop` by the one it chooses; the direct solvers are beside each other in the last row. From
     points to displacements includes the meshes that Kratos wants, which go to it node by node from Python, as its
-    interface has it.
+    interface has it; 1000 x 500 points are left out, as that takes minutes.
     """
     for size in progress([s for s in SIZES if s[0] <= 500], "sizes"):
         for what, work in analyses_of(size[0]).items():

@@ -7,7 +7,6 @@ date and the commit it was measured on: in `benchmark/` and on the benchmark pag
 
 import json
 from collections.abc import Iterable, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -41,12 +40,17 @@ class Timed:
 
 
 def read_timed(directory: Path) -> list[Timed]:
-    """What has been measured so far; of another version's times nothing, which a run of the studies replaces."""
+    """What has been measured so far; of a plain run's times nothing, which the next run measures again, if another
+    version stored them. ValueError if the benchmark's store is unreadable: nothing measured may be lost."""
     parts: list[Timed] = []
-    for path in (directory / place / "sections.json" for place in PLACES):
-        with suppress(FileNotFoundError, ValueError, KeyError, TypeError):
-            stored = json.loads(path.read_text("utf-8"))
+    for place in PLACES:
+        path = directory / place / "sections.json"
+        try:
+            stored = json.loads(path.read_text("utf-8")) if path.exists() else []
             parts += [Timed(**part | _parts_of(part)) for part in stored]
+        except (ValueError, KeyError, TypeError) as error:
+            if place == "benchmark":
+                raise ValueError(f"{path} is not a store of this report: restore the committed one") from error
     return parts
 
 
