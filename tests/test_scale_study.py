@@ -2,13 +2,24 @@
 
 import time
 from itertools import islice
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from mpmtop.linear_solver import STRESS_TOLERANCE, MultigridCG
 from mpmtop.problem import DesignProblem
-from validation.scale import OBJECTIVES, PHASES, Clock, TimedProblem, evaluations, exponents, model_of
+from validation.scale import (
+    OBJECTIVES,
+    PHASES,
+    Clock,
+    TimedProblem,
+    alone,
+    evaluations,
+    exponents,
+    model_of,
+    peak_memory,
+)
 
 
 def spin(seconds: float) -> None:
@@ -48,3 +59,12 @@ def test_the_solver_is_held_to_what_the_objective_sees(monkeypatch: pytest.Monke
     assert isinstance(compliance, MultigridCG)
     assert isinstance(p_norm, MultigridCG)
     assert (compliance.tolerance, p_norm.tolerance) == (MultigridCG.tolerance, STRESS_TOLERANCE)
+
+
+@pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="Linux tells the peak of one process alone")
+def test_memory_is_the_process_s_own() -> None:
+    """Not that of the process it was started by, which holds 300 MB more."""
+    ballast = np.ones(40_000_000)
+    assert peak_memory() > ballast.nbytes
+    run = alone(40, "compliance", 1)
+    assert 30e6 < run.peak < peak_memory() - 200e6

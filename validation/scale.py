@@ -1,8 +1,7 @@
 """Scale: the phases of an iteration timed apart, from thousands of material points to millions."""
 
 import multiprocessing
-import resource
-import sys
+import re
 import time
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping
@@ -11,6 +10,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import islice
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -197,10 +197,14 @@ def measurement(nx: int, objective: str, iterations: int) -> Measurement:
     return Measurement(*size, built, spent[2:], np.array(objectives))
 
 
-def peak_memory() -> int:
-    """Largest memory that this process has held [bytes]."""
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return peak if sys.platform == "darwin" else 1024 * peak
+def peak_memory() -> float:
+    """Largest memory that this process has held [bytes], NaN where the system does not tell.
+
+    `resource.getrusage` would count the largest of the process that started this one, too.
+    """
+    status = Path("/proc/self/status")
+    peak = re.search(r"VmHWM:\s*(\d+) kB", status.read_text()) if status.exists() else None
+    return 1024.0 * int(peak[1]) if peak else np.nan
 
 
 def alone(nx: int, objective: str, iterations: int) -> Measurement:
