@@ -64,12 +64,16 @@ def optimise(method: str, rule: UpdateRule, solves: int | None) -> Optimisation:
 
 @pytest.fixture(scope="module")
 def runs(progress: ShowProgress) -> dict[str, Optimisation]:
-    """Every method to convergence, and standard MPM by every rule for the same number of solves."""
+    """Every method to convergence, and standard MPM by every rule for the same number of solves.
+
+    GIMP's problem is standard MPM's, number by number, as `test_optimisation` checks: so is its run.
+    """
     # FEM first: it takes as long as all others together
-    cases: dict[str, tuple[str, UpdateRule, int | None]] = {n: (n, WARM, None) for n in reversed(METHODS)}
+    cases: dict[str, tuple[str, UpdateRule, int | None]] = {n: (n, WARM, None) for n in ("FEM", "standard")}
     cases |= {name: ("standard", rule, SOLVES) for name, rule in RULES.items()}
     done = Parallel(n_jobs=JOBS, return_as="generator")(delayed(optimise)(*case) for case in cases.values())
-    return dict(zip(cases, progress(done, "L-bracket runs"), strict=True))
+    results = dict(zip(cases, progress(done, "L-bracket runs"), strict=True))
+    return results | {"GIMP": results["standard"]}
 
 
 @pytest.fixture(scope="module")
@@ -146,7 +150,8 @@ def test_optimisation(
 ) -> None:
     """Optimisation (Fig. 11)
 
-    GCMMA accepts no design that is worse than the last. The optimum spreads the load so that the stress is nearly even,
+    GCMMA accepts no design that is worse than the last. GIMP's problem is standard MPM's, number by number: one run is
+    both. The optimum spreads the load so that the stress is nearly even,
     and **keeps material at the re-entrant corner**, where the paper's design avoids it. At points 0.35 h from the
     corner the stress of the solid (table above) is only moderately above the even stress that 40 % of the volume has to
     carry: this p-norm gains little from rounding the corner off. A finer analysis raises the corner's peak, and with it
@@ -176,9 +181,9 @@ def test_optimisation(
             source="our bound on Eq. (8)",
         ),
         report.check(
-            "optimised design, standard against GIMP: largest difference of a density",
-            float(np.abs(standard.design.rho - done["GIMP"].design.rho).max()),
-            at_most=1e-12,
+            "problems of standard and GIMP have one hash of all numbers that an iterate depends on",
+            analysers["standard"].problem.fingerprint == analysers["GIMP"].problem.fingerprint,
+            True,
             source="Sect. 5.1.2: identical",
         ),
         report.check(
@@ -319,7 +324,7 @@ def test_fine_reference(report: Report, lock: Lock, runs: dict[str, Optimisation
     field grows with refinement (compare 1 x 1 and 2 x 2), so the ratio shows that MPM misses stress, not how much. The
     paper does not re-analyse its designs.
     """
-    names = {"standard": "standard, GCMMA warm", "GIMP": "GIMP, GCMMA warm", "FEM": "FEM, GCMMA warm"}
+    names = {"standard": "standard and GIMP, GCMMA warm", "FEM": "FEM, GCMMA warm"}
     names |= {rule: f"standard, {rule}, {SOLVES} solves" for rule in RULES}
     rows: dict[str, dict[str, Any]] = {}
     fields: dict[str, Array] = {}
