@@ -5,13 +5,20 @@ finds: Intel MKL's PARDISO, CHOLMOD, else SuperLU.
 """
 
 from dataclasses import dataclass, field
-from typing import Any
+from functools import partial
+from typing import Any, NamedTuple
 from unittest.mock import patch
 
 import matplotlib as mpl
 import numpy as np
 
+from mpmtop.equilibrium import discretise
+from mpmtop.problem import DesignProblem
 from mpmtop.scene import Array, Scene
+from validation.methods import MOVE
+from validation.plain_fem import PlainProblem
+from validation.scenes import SPACING, H, cantilever
+from validation.timing import cpu_seconds, iteration
 
 with patch.object(mpl, "use"):  # pyMOTO asks for a window as it is imported; the report draws without one
     import pymoto
@@ -83,6 +90,32 @@ class PyMoto:
         """Physical densities (e,) of that design, in the order of `reference_fem`'s lattice: along y first."""
         return np.asarray(self.rho.state).reshape(self.ny, self.nx).T.ravel()
 
-    def step(self) -> None:
-        """Analysis, sensitivities and one MMA update."""
+    def step(self) -> float:
+        """Analysis, sensitivities and one MMA update; the compliance of the design analysed comes back."""
         self.optimizer.x, *_ = self.optimizer.step()
+        return self.compliance
+
+
+class Iteration(NamedTuple):
+    """CPU seconds of one iteration, the median of repeats, and the compliance of the design that the last analysed."""
+
+    seconds: float
+    compliance: float
+
+
+def iterations(nx: int, ny: int, repeats: int) -> dict[str, Iteration]:
+    """Iterations of each code with nx x ny design variables, taken in turn; the filter's radius is three of them."""
+    spacing = SPACING * 80 / nx
+    scene = cantilever(radius=3 * spacing)
+    steps = {
+        "mpmtop": iteration(DesignProblem(discretise(scene, 2 * spacing * H, 2))),
+        "pyMOTO": PyMoto(scene, nx, ny, MOVE).step,
+        "plain scikit-fem": iteration(PlainProblem(scene, nx, ny)),
+    }
+    compliance = {}
+
+    def step(code: str) -> None:
+        compliance[code] = steps[code]()
+
+    seconds = cpu_seconds({code: partial(step, code) for code in steps}, repeats)
+    return {code: Iteration(seconds[code], compliance[code]) for code in steps}

@@ -1,11 +1,9 @@
 """Scale: the phases of an iteration timed apart, from thousands of material points to millions."""
 
-import multiprocessing
 import re
 import time
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -24,7 +22,7 @@ from mpmtop.problem import DesignProblem, Evaluation
 from mpmtop.scene import Array, Compliance, Index, PNormStress
 from validation.methods import MOVE
 from validation.scenes import SPACING, H, cantilever
-from validation.timing import cpu_seconds
+from validation.timing import cpu_seconds, in_own_process
 
 ChosenBy = Callable[[int, Index, Index, Lattice], Solver]
 
@@ -209,8 +207,7 @@ def peak_memory() -> float:
 
 def alone(nx: int, objective: str, iterations: int) -> Measurement:
     """`measurement` in a process of its own, whose memory is that of this problem alone."""
-    with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as process:
-        return process.submit(_with_memory, nx, objective, iterations).result()
+    return in_own_process(_with_memory, nx, objective, iterations)
 
 
 def _with_memory(nx: int, objective: str, iterations: int) -> Measurement:

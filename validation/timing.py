@@ -1,7 +1,9 @@
 """CPU time of work measured side by side in one process."""
 
+import multiprocessing
 import time
 from collections.abc import Callable, Mapping
+from concurrent.futures import ProcessPoolExecutor
 from typing import Any, TypeVar
 
 import numpy as np
@@ -9,6 +11,7 @@ import numpy as np
 from mpmtop.gcmma import GCMMA, Problem, initial_state
 
 Work = Callable[[], object]
+Result = TypeVar("Result")
 
 
 def cpu_seconds(work: Mapping[str, Work], repeats: int = 8) -> dict[str, float]:
@@ -26,15 +29,24 @@ def cpu_seconds(work: Mapping[str, Work], repeats: int = 8) -> dict[str, float]:
     return {name: float(np.median(times[1:])) for name, times in spent.items()}
 
 
-def iteration(problem: Problem[Any]) -> Work:
-    """One more iteration of an optimisation at every call: gradient, one subproblem of GCMMA, one solve."""
+def in_own_process(call: Callable[..., Result], *arguments: Any) -> Result:
+    """The result of a function of a module, called in a new process: nothing that this one holds or has loaded, or how
+    deep its stack is, has a part in time and memory."""
+    with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as process:
+        return process.submit(call, *arguments).result()
+
+
+def iteration(problem: Problem[Any]) -> Callable[[], float]:
+    """One more iteration of an optimisation at every call: gradient, one subproblem of GCMMA, one solve; its objective
+    comes back."""
     rule = GCMMA(max_inner=1)  # one solve an iteration, whatever the objective
     evaluation = problem.evaluate(problem.x0)
     state = initial_state(problem, evaluation)
 
-    def call() -> None:
+    def call() -> float:
         nonlocal state, evaluation
         state, evaluation, _ = rule.step(problem, state, evaluation, *problem.gradient(evaluation))
+        return float(evaluation.objective)
 
     return call
 
@@ -44,7 +56,6 @@ def evaluation_with_gradient(problem: Problem[Any]) -> Work:
     return lambda: problem.gradient(problem.evaluate(problem.x0))
 
 
-Result = TypeVar("Result")
 REPEATED_BELOW = 0.005
 """CPU seconds in all below which a call is repeated, three times at most: caches warm up."""
 
