@@ -16,9 +16,9 @@ import numpy as np
 
 from mpmtop import export
 from mpmtop.gcmma import GCMMA, MMA, OptimalityCriteria, SingleStepGCMMA, UpdateRule
-from mpmtop.optimize import Iterate, load_checkpoint, optimize
+from mpmtop.optimize import CheckpointError, Iterate, load_checkpoint, optimize
 from mpmtop.problem import DesignProblem
-from mpmtop.scene import Array
+from mpmtop.scene import Array, NotConverged
 from validation.interruption import MOMENTS, RULES, design_problem, last_of
 from validation.stability import Case, Finding, Wrong, direct, distance, refused, worst
 from validation.stability_cases import FUNCTIONS, model_of
@@ -106,7 +106,8 @@ def optimisers() -> Iterator[Case]:
         yield Case("zero gradient", f"{rule}", "feasible", partial(without_gradient, rule))
     for rule, bad, start, where in product(UPDATES, (np.nan, np.inf, -np.inf), (0, 1, 7), (True, False)):
         run = partial(refused, partial(bars, 1, rule, 12, bad=bad, bad_from=start, in_gradient=where))
-        yield Case("NaN or infinity from the objective", f"{rule}, {bad}, {start}, {where}", "a named error", run)
+        name, says = f"{rule}, {bad}, {start}, {where}", "derivatives" if where else "objective"
+        yield Case("NaN or infinity from the objective", name, "the error to expect", run, (NotConverged,), says)
     for rule in (MMA(), GCMMA(), OptimalityCriteria()):
         yield Case("2,000 iterations", f"{rule}", "volume and objective stay", partial(drift, rule))
 
@@ -146,11 +147,16 @@ def interruptions() -> Iterator[Case]:
         run = partial(resumed, same)
         yield Case(f"kill -9, {rule}", moment, "the run that was not killed, bit for bit", run)
     for i in range(80):
-        yield Case("truncated checkpoint", f"{i}", "a named error", partial(damaged, truncate=i))
+        run = partial(damaged, truncate=i)
+        yield Case("truncated checkpoint", f"{i}", "the error to expect", run, (CheckpointError,), "start afresh")
     for i in range(120):
-        yield Case("checkpoint with a flipped bit", f"{i}", "refused, or read whole", partial(damaged, flip=i))
+        run = partial(damaged, flip=i)
+        yield Case(
+            "checkpoint with a flipped bit", f"{i}", "refused, or read whole", run, (CheckpointError,), "start afresh"
+        )
     for i, content in enumerate((b"", b"text", b"PK\x03\x04", b"\x93NUMPY", bytes(4096))):
-        yield Case("foreign file", f"{i}", "a named error", partial(damaged, content=content))
+        run = partial(damaged, content=content)
+        yield Case("foreign file", f"{i}", "the error to expect", run, (CheckpointError,), "start afresh")
     for function in FUNCTIONS:
         yield Case("VTU file reopened", function, "what was written", partial(reopened, function))
 

@@ -11,11 +11,11 @@ from mpmtop.equilibrium import discretise, equilibrium
 from mpmtop.objectives import compliance
 from mpmtop.points import MaterialPoints, seed
 from mpmtop.scene import Array, Material, PointLoad, Scene
-from validation.stability import Analysis, Case, Finding, distance, quantities, worst
+from validation.stability import Analysis, Case, Finding, Limit, direct, distance, quantities, worst
 from validation.stability_cases import FUNCTIONS, beam, lattice, model_of
 
 PLANES: tuple[Literal["strain", "stress"], ...] = ("strain", "stress")
-LOCKING = "volumetric locking"
+LOCKING = Limit("volumetric locking", most=1.0)
 """Limit: see `mpmtop.scene.Material`."""
 
 
@@ -28,7 +28,7 @@ def materials() -> Iterator[Analysis]:
             f"{nu}, plane {plane}, {s}",
             partial(model_of, function, (s, s / 2), scene=beam(material=Material(1.0, nu, plane))),
             sane=None if nu < 0 else bent(function, s) * ((1 - nu**2) / (1 - 0.3**2) if plane == "strain" else 1.0),
-            limit=LOCKING if nu > 0.45 and plane == "strain" else "",
+            limit=LOCKING if nu > 0.45 and plane == "strain" else None,
         )
     for function, k, s in product(FUNCTIONS, range(-12, 13), (0.0, 0.1)):
         h = (1.0, 10.0 ** (k / 4))
@@ -41,14 +41,15 @@ def materials() -> Iterator[Analysis]:
 def bent(function: str, s: float) -> float:
     """Compliance of the beam at Poisson's ratio 0.3 with its points shifted by (s, s / 2), most of it by bending: it
     goes with 1 - nu^2 in plane strain, and not with nu in plane stress."""
-    model = model_of(function, (s, s / 2))
+    model = direct(model_of(function, (s, s / 2)))
     return compliance(model, equilibrium(model, np.ones(len(model.points.x))))
 
 
 def units() -> Iterator[Case]:
     """Cell size h, modulus E and force F over all decades: what has no unit must not change."""
-    for i, (h, E, F) in enumerate(product(range(-9, 10, 3), range(-6, 13, 3), range(-12, 13, 3))):
-        function, s = list(FUNCTIONS)[i % 3], (0.0, 0.1, 0.3)[i // 3 % 3]
+    rng = np.random.default_rng(2)
+    for h, E, F in product(range(-9, 10, 3), range(-6, 13, 3), range(-12, 13, 3)):
+        function, s = str(rng.choice(list(FUNCTIONS))), float(rng.choice((0.0, 0.1, 0.3)))
         yield Case(
             f"h, E, F, {function}",
             f"h = 1e{h}, E = 1e{E}, F = 1e{F}, {s}",

@@ -28,9 +28,20 @@ from mpmtop.linear_solver import Solver
 from mpmtop.multigrid import Solve
 from mpmtop.scene import Array, NotConverged, UnsupportedBody
 from validation.conftest import Lock
-from validation.extended import extended, full_stiffness
+from validation.extended import full_stiffness
 from validation.report import Report
-from validation.stability import KINDS, Case, Outcome, densities, direct, distance, outcome, quantities, tally
+from validation.stability import (
+    KINDS,
+    Case,
+    Outcome,
+    densities,
+    direct,
+    distance,
+    outcome,
+    quantities,
+    reference,
+    tally,
+)
 from validation.stability_cases import ANALYSES, GHOST, beam, fields, lattice, model_of, oracle
 from validation.stability_parameters import parameters
 from validation.stability_runs import interruptions, optimisers
@@ -246,8 +257,7 @@ def test_contrast(report: Report) -> None:
         model = model_of("tent", scene=beam(contrast=10.0**-k if k else 1 - 1e-12))
         rho = dict(fields(lattice().x))["loaded end on void"]
         rho, moduli = densities(model, rho)
-        reference = extended(direct(model), moduli)
-        exact = quantities(reference.model, reference.state, rho)
+        exact, _ = reference(model, moduli, rho)
         for name, take in named.items():
             for checked in (False, True):
                 used = take(model) if checked else replace(take(model), solver=Unchecked(take(model).solver))
