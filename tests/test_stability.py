@@ -16,16 +16,16 @@ from mpmtop import equilibrium as library
 from mpmtop.equilibrium import Equilibrium, Model, equilibrium
 from mpmtop.linear_solver import BandedCholesky
 from mpmtop.multigrid import Solve
-from mpmtop.optimize import CheckpointError
+from mpmtop.optimize import CheckpointError, optimize
 from mpmtop.scene import Array, Mask, NotConverged, PointLoad, UnsupportedBody
 from mpmtop.transfer import Transfer
-from validation import stability, stability_cases
+from validation import interruption, stability, stability_cases
 from validation.extended import Undetermined, condition, extended, full_stiffness, pseudo_compliance
 from validation.stability import Analysis, Case, Finding, Limit, direct, is_named, outcome, refused, tally
 from validation.stability_cases import ANALYSES, FUNCTIONS, beam, fields, lattice, model_of, over_edge
 from validation.stability_parameters import invalid, parameters
 from validation.stability_reference import body_of
-from validation.stability_runs import Bars, damaged
+from validation.stability_runs import Bars, damaged, resumed
 from validation.stability_scales import units
 
 
@@ -377,6 +377,23 @@ def test_damaged_checkpoints() -> None:
     assert kind_of(content=b"text") == "named error"
     kinds = {kind_of(flip=i) for i in range(20)}
     assert kinds <= {"named error", "right"}
+
+
+def test_kills_that_do_not_kill_are_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A run that nobody kills ends as the whole one: that says nothing."""
+    problem, rule = interruption.design_problem(), interruption.RULES["MMA"]
+    whole = interruption.last_of(
+        optimize(problem, rule, max_iterations=interruption.ITERATIONS, stop=lambda history: False)
+    )
+    moments = "after iteration 0", "before renaming 0"
+
+    def kinds() -> set[str]:
+        ends = [interruption.survives(problem, rule, moment, whole) for moment in moments]
+        return {kind(partial(resumed, end, must_be_hit=True)) for end in ends}
+
+    assert kinds() == {"right"}
+    monkeypatch.setattr(interruption, "killed", lambda *arguments: None)
+    assert kinds() == {"other"}
 
 
 def test_cases_have_their_own_names() -> None:

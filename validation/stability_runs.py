@@ -3,7 +3,7 @@
 import json
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cache, partial
 from itertools import product
@@ -19,7 +19,7 @@ from mpmtop.gcmma import GCMMA, MMA, OptimalityCriteria, SingleStepGCMMA, Update
 from mpmtop.optimize import CheckpointError, Iterate, load_checkpoint, optimize
 from mpmtop.problem import DesignProblem
 from mpmtop.scene import Array, NotConverged
-from validation.interruption import MOMENTS, RULES, design_problem, last_of
+from validation.interruption import AT, MOMENTS, RULES, Survival, design_problem, last_of
 from validation.stability import Case, Finding, Wrong, direct, distance, refused, worst
 from validation.stability_cases import FUNCTIONS, model_of
 
@@ -143,8 +143,8 @@ def drift(rule: UpdateRule) -> Finding:
 def interruptions() -> Iterator[Case]:
     """Killed runs, resumed; damaged and foreign files; export."""
     kills = killed_runs()
-    for (rule, moment), same in kills.items():
-        run = partial(resumed, same)
+    for (rule, moment), end in kills.items():
+        run = partial(resumed, end, must_be_hit=moment in AT)
         yield Case(f"kill -9, {rule}", moment, "the run that was not killed, bit for bit", run)
     for i in range(80):
         run = partial(damaged, truncate=i)
@@ -162,19 +162,22 @@ def interruptions() -> Iterator[Case]:
 
 
 @cache
-def killed_runs() -> dict[tuple[str, str], bool]:
-    """By update rule and moment of the kill: whether the resumed run ended as the one that was not killed.
+def killed_runs() -> dict[tuple[str, str], Survival]:
+    """By update rule and moment of the kill.
 
     They are made in a process of their own: what it forks has no other threads to lose.
     """
     command = [sys.executable, "-m", "validation.interruption"]
     done = subprocess.run(command, cwd=Path(__file__).parents[1], capture_output=True, text=True, check=True)
-    same = json.loads(done.stdout)
-    return {(rule, moment): same[f"{rule}|{moment}"] for rule, moment in product(RULES, MOMENTS)}
+    found = json.loads(done.stdout)
+    return {(rule, moment): Survival(*found[f"{rule}|{moment}"]) for rule, moment in product(RULES, MOMENTS)}
 
 
-def resumed(same: bool) -> Finding:
-    return Finding(0.0 if same else np.inf)
+def resumed(end: Survival, *, must_be_hit: bool) -> Finding:
+    """A kill by time may come after the end; one at a place in the run has to hit."""
+    if must_be_hit and not end.killed:
+        raise Wrong("the run was not killed")
+    return Finding(0.0 if end.same else np.inf)
 
 
 @cache
@@ -220,10 +223,3 @@ def reopened(function: str) -> Finding:
     stress = problem.model.stress(at.state.moduli, at.state.strain)
     off = distance(displacement.ravel(), at.state.u) + distance(points.point_data["stress"], stress)
     return Finding(off / np.finfo(float).tiny)  # the same numbers
-
-
-RUNS: dict[str, Callable[[], Iterator[Case]]] = {
-    "Optimiser": optimisers,
-    "Interruption": interruptions,
-}
-"""By section of the report."""

@@ -29,6 +29,7 @@ from mpmtop.multigrid import Solve
 from mpmtop.scene import Array, NotConverged, UnsupportedBody
 from validation.conftest import Lock
 from validation.extended import full_stiffness
+from validation.interruption import AFTER
 from validation.report import Report
 from validation.stability import (
     KINDS,
@@ -44,7 +45,7 @@ from validation.stability import (
 )
 from validation.stability_cases import ANALYSES, GHOST, beam, fields, lattice, model_of, oracle
 from validation.stability_parameters import parameters
-from validation.stability_runs import interruptions, optimisers
+from validation.stability_runs import interruptions, killed_runs, optimisers
 from validation.stability_scales import materials, units
 
 RTOL_CONDITION = 1e-6
@@ -70,6 +71,11 @@ SECTIONS: dict[str, Callable[[], list[Case]]] = {
 def outcomes(section: str) -> tuple[Outcome, ...]:
     """What came of the section's cases; run once, for its own section and the last one."""
     return tuple(outcome(case) for case in SECTIONS[section]())
+
+
+def compared(found: tuple[Outcome, ...]) -> int:
+    """Of how many analyses there were two answers to compare, none an error."""
+    return sum(case.kind in ("right", "limit") for case in found)
 
 
 def outcomes_twice(every: int) -> tuple[Outcome, ...]:
@@ -349,8 +355,12 @@ def test_interruption(report: Report) -> None:
     writing, between writing and renaming, and at some milliseconds from the start; then resumed: design, objective and
     number of solves of the run that was not killed, bit for bit. Truncated checkpoints, foreign files, and checkpoints
     with one bit flipped are refused, or what they hold is whole. VTU files reopen with the numbers written.
+    That SIGKILL is what ended a run is looked up in its status; a kill by time may come too late.
     """
-    assert tabulate(report, "interruption", outcomes("Interruption"), "Interruption: cases and outcomes.")
+    none_else = tabulate(report, "interruption", outcomes("Interruption"), "Interruption: cases and outcomes.")
+    hits = sum(end.killed for (_, moment), end in killed_runs().items() if moment in AFTER)
+    report.check("kills by time that came before the end, of 10", hits, source="this machine")
+    assert none_else
 
 
 @pytest.mark.slow
@@ -359,15 +369,16 @@ def test_two_solvers(report: Report) -> None:
 
     Every twelfth analysis of the sections above, once more by multigrid with two levels or more, beside the direct
     solver (`make benchmark`: every one): compliance, p-norm, gradients and displacements to ten times multigrid's
-    tolerance of 1e-6. Where the direct solver sees a mechanism, extended precision or, if that sees it, too, the
-    pseudo-inverse of K judges the compliance.
+    tolerance of 1e-6. Where the direct solver refuses, extended precision or, if that sees a mechanism, too, the
+    pseudo-inverse of K judges the compliance. Displacements of a piece in void may differ by what a force of the
+    tolerance does to the void. An error is none of the comparisons; multigrid's, too, needs a condition number of 1e13.
     """
     found = outcomes_twice(EVERY)
     none_else = tabulate(report, "two_solvers", found, "Multigrid judged by the direct solver: cases and outcomes.")
-    compared = report.check(
-        "analyses by both solvers", len(found), at_least=300, source="our aim: the same suite on both"
+    enough = report.check(
+        "analyses answered by multigrid and compared", compared(found), at_least=250, source="our aim: four of five"
     )
-    assert none_else and compared
+    assert none_else and enough
 
 
 @pytest.mark.benchmark
@@ -378,7 +389,13 @@ def test_two_solvers_in_full(report: Report) -> None:
     """
     found = outcomes_twice(1)
     none_else = tabulate(report, "two_solvers_in_full", found, "Multigrid judged by the direct solver: all analyses.")
-    assert report.check("analyses by both solvers, all", len(found), at_least=3500, source="our aim") and none_else
+    enough = report.check(
+        "analyses answered by multigrid and compared, all",
+        compared(found),
+        at_least=3000,
+        source="our aim: four of five",
+    )
+    assert none_else and enough
 
 
 @pytest.mark.slow
