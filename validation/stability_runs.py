@@ -17,7 +17,7 @@ import numpy as np
 from mpmtop import export
 from mpmtop.gcmma import GCMMA, MMA, OptimalityCriteria, SingleStepGCMMA, UpdateRule
 from mpmtop.optimize import CheckpointError, Iterate, load_checkpoint, optimize
-from mpmtop.problem import DesignProblem
+from mpmtop.problem import DesignProblem, Evaluation
 from mpmtop.scene import Array, NotConverged
 from validation.interruption import AT, MOMENTS, RULES, Survival, design_problem, last_of
 from validation.stability import Case, Finding, Wrong, direct, distance, refused, worst
@@ -108,8 +108,27 @@ def optimisers() -> Iterator[Case]:
         run = partial(refused, partial(bars, 1, rule, 12, bad=bad, bad_from=start, in_gradient=where))
         name, says = f"{rule}, {bad}, {start}, {where}", "derivatives" if where else "objective"
         yield Case("NaN or infinity from the objective", name, "the error to expect", run, (NotConverged,), says)
+    for function, rule, bad, where in product(FUNCTIONS, UPDATES[:2], (np.nan, np.inf, -np.inf), (True, False)):
+        run = partial(refused, partial(injected, function, rule, bad, in_gradient=where))
+        name, says = f"{function}, {rule}, {bad}, {where}", "derivatives" if where else "objective"
+        yield Case("NaN or infinity from a body", name, "the error to expect", run, (NotConverged,), says)
     for rule in (MMA(), GCMMA(), OptimalityCriteria()):
         yield Case("2,000 iterations", f"{rule}", "volume and objective stay", partial(drift, rule))
+
+
+def injected(function: str, rule: UpdateRule, bad: float, *, in_gradient: bool) -> list[Iterate[Evaluation]]:
+    """A run on the beam whose objective, or one entry of its gradient, is `bad`."""
+    problem = DesignProblem(direct(model_of(function, (0.1, 0.05))))
+    whole = problem.objective
+
+    def gradient(*arguments: Any) -> tuple[Array, Array]:
+        by_rho, by_moduli = whole.gradient(*arguments)
+        by_moduli[3] = bad
+        return by_rho, by_moduli
+
+    spoilt = whole._replace(gradient=gradient) if in_gradient else whole._replace(value=lambda *arguments: bad)
+    vars(problem)["objective"] = spoilt  # a cached property
+    return list(optimize(problem, rule, max_iterations=3))
 
 
 def optimal(seed: int, rule: UpdateRule) -> Finding:

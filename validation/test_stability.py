@@ -46,7 +46,7 @@ from validation.stability import (
 from validation.stability_cases import ANALYSES, GHOST, beam, fields, lattice, model_of, oracle
 from validation.stability_parameters import parameters
 from validation.stability_runs import interruptions, killed_runs, optimisers
-from validation.stability_scales import materials, units
+from validation.stability_scales import materials, runs_in_units, units
 
 RTOL_CONDITION = 1e-6
 """Condition numbers of small matrices below 1e9: seven digits are left."""
@@ -60,7 +60,7 @@ SECTIONS: dict[str, Callable[[], list[Case]]] = {
     "Small cuts": lambda: [*(analysis.case for analysis in ANALYSES["Small cuts"]()), *oracle()],
     "Contrast and density fields": lambda: [a.case for a in ANALYSES["Contrast and density fields"]()],
     "Points": lambda: [analysis.case for analysis in ANALYSES["Points"]()],
-    "Scales": lambda: [*(analysis.case for analysis in materials()), *units()],
+    "Scales": lambda: [*(analysis.case for analysis in materials()), *units(), *runs_in_units()],
     "Parameters": lambda: list(parameters()),
     "Optimiser": lambda: list(optimisers()),
     "Interruption": lambda: list(interruptions()),
@@ -84,14 +84,17 @@ def outcomes_twice(every: int) -> tuple[Outcome, ...]:
     return tuple(outcome(analysis.twice) for analysis in analyses[::every])
 
 
-def tabulate(report: Report, name: str, found: tuple[Outcome, ...], caption: str) -> bool:
-    """Record the counts by family and whether nothing else came out; what did is named in the claim."""
+def tabulate(report: Report, name: str, found: tuple[Outcome, ...], caption: str, right: int) -> bool:
+    """Record the counts by family, whether nothing else came out, and whether at least so many are `right`; what else
+    came out is named in the claim."""
     report.table(name, tally(found), caption)
     other = [f"{case.family} ({case.name}): {case.what}" for case in found if case.kind == "other"]
     named = f"; the first: {other[0]}".replace("|", "/")[:200] if other else ""
-    return report.check(
-        f"outcomes other than these three, {name.replace('_', ' ')}{named}", len(other), 0, source="our aim"
-    )
+    what = name.replace("_", " ")
+    none_else = report.check(f"outcomes other than these three, {what}{named}", len(other), 0, source="our aim")
+    number = sum(case.kind == "right" for case in found)
+    enough = report.check(f"right cases, {what}", number, at_least=right, source="so that errors do not replace them")
+    return none_else and enough
 
 
 def conditions(model: Model) -> tuple[float, float]:
@@ -129,7 +132,7 @@ def test_positions(report: Report) -> None:
     scene and its grid moved to another origin, by irrational numbers and by 1e6 h, where positions are known to 1e-10 h
     only: the compliance of the scene in its place. The grid alone moved.
     """
-    none_else = tabulate(report, "positions", outcomes("Positions"), "Positions: cases and outcomes.")
+    none_else = tabulate(report, "positions", outcomes("Positions"), "Positions: cases and outcomes.", 930)
     shifts = np.concatenate(
         [[0.0, 0.01, 0.03], np.linspace(0.06, 0.74, 12), [0.7499, 0.7501], np.linspace(0.8, 0.95, 4)]
     )
@@ -166,7 +169,7 @@ def test_small_cuts(report: Report, lock: Lock) -> None:
     cut, large on a body of two cells across, and a limit. The ghost penalty (`discretise(..., ghost=0.01)`) bounds the
     condition number and the nodes, and takes most of the step away. A larger body's compliances are AMPLE's to 1e-10.
     """
-    none_else = tabulate(report, "small_cuts", outcomes("Small cuts"), "Small cuts: cases and outcomes.")
+    none_else = tabulate(report, "small_cuts", outcomes("Small cuts"), "Small cuts: cases and outcomes.", 230)
     sizes = 10.0 ** -np.arange(1, 15)
     still = {ghost: displacements(direct(model_of("GIMP", ghost=ghost)))[0] for ghost in (0.0, GHOST)}
     rows: Cuts = {}
@@ -254,9 +257,8 @@ def test_contrast(report: Report) -> None:
     they lose digits. So state and adjoint are accepted by the residual and by its work on the state, and refined where
     that is more than the tolerance; what does not get there is refused.
     """
-    none_else = tabulate(
-        report, "contrast", outcomes("Contrast and density fields"), "Contrast and density fields: cases and outcomes."
-    )
+    found = outcomes("Contrast and density fields")
+    none_else = tabulate(report, "contrast", found, "Contrast and density fields: cases and outcomes.", 1100)
     named = {"direct": direct, "multigrid": lambda model: model}
     rows: list[tuple[str, float, float, float]] = []
     for k in (0, 2, 4, 5, 6, 7, 8, 10, 12):
@@ -312,7 +314,7 @@ def test_points(report: Report) -> None:
     may leave that of a mechanism far above rounding: a small pivot costs two more solves, which find the direction of
     least stiffness.
     """
-    assert tabulate(report, "points", outcomes("Points"), "Points: cases and outcomes.")
+    assert tabulate(report, "points", outcomes("Points"), "Points: cases and outcomes.", 690)
 
 
 @pytest.mark.slow
@@ -323,7 +325,7 @@ def test_scales(report: Report) -> None:
     F from 1e-12 to 1e12 together: compliance E / F², p-norm h / F, their gradients and displacement E / F must be those
     of h = E = F = 1, to 1e-10. Close to 0.5 the body locks, a limit.
     """
-    assert tabulate(report, "scales", outcomes("Scales"), "Scales: cases and outcomes.")
+    assert tabulate(report, "scales", outcomes("Scales"), "Scales: cases and outcomes.", 730)
 
 
 def test_parameters(report: Report) -> None:
@@ -333,7 +335,7 @@ def test_parameters(report: Report) -> None:
     Filter radius from 1e-9 h to 1000 h, volume fraction from 1e-3 to 1: five steps of GCMMA stay feasible and do not
     rise. Inputs outside their ranges, NaN and infinity among them, are refused.
     """
-    assert tabulate(report, "parameters", outcomes("Parameters"), "Parameters: cases and outcomes.")
+    assert tabulate(report, "parameters", outcomes("Parameters"), "Parameters: cases and outcomes.", 320)
 
 
 @pytest.mark.slow
@@ -344,7 +346,7 @@ def test_optimiser(report: Report) -> None:
     it to 0.1 %; steps keep a move limit from 1e-6 to 1; without a gradient the design becomes feasible; NaN or infinity
     from the objective or its gradient ends the run by name; over 2,000 iterations neither volume nor objective drifts.
     """
-    assert tabulate(report, "optimiser", outcomes("Optimiser"), "Optimiser: cases and outcomes.")
+    assert tabulate(report, "optimiser", outcomes("Optimiser"), "Optimiser: cases and outcomes.", 70)
 
 
 @pytest.mark.slow
@@ -357,7 +359,7 @@ def test_interruption(report: Report) -> None:
     with one bit flipped are refused, or what they hold is whole. VTU files reopen with the numbers written.
     That SIGKILL is what ended a run is looked up in its status; a kill by time may come too late.
     """
-    none_else = tabulate(report, "interruption", outcomes("Interruption"), "Interruption: cases and outcomes.")
+    none_else = tabulate(report, "interruption", outcomes("Interruption"), "Interruption: cases and outcomes.", 60)
     hits = sum(end.killed for (_, moment), end in killed_runs().items() if moment in AFTER)
     report.check("kills by time that came before the end, of 10", hits, source="this machine")
     assert none_else
@@ -374,7 +376,7 @@ def test_two_solvers(report: Report) -> None:
     tolerance does to the void. An error is none of the comparisons; multigrid's, too, needs a condition number of 1e13.
     """
     found = outcomes_twice(EVERY)
-    none_else = tabulate(report, "two_solvers", found, "Multigrid judged by the direct solver: cases and outcomes.")
+    none_else = tabulate(report, "two_solvers", found, "Multigrid beside the direct solver: one in twelve.", 250)
     enough = report.check(
         "analyses answered by multigrid and compared", compared(found), at_least=250, source="our aim: four of five"
     )
@@ -388,7 +390,9 @@ def test_two_solvers_in_full(report: Report) -> None:
     As above, with every analysis.
     """
     found = outcomes_twice(1)
-    none_else = tabulate(report, "two_solvers_in_full", found, "Multigrid judged by the direct solver: all analyses.")
+    none_else = tabulate(
+        report, "two_solvers_in_full", found, "Multigrid beside the direct solver: all analyses.", 3000
+    )
     enough = report.check(
         "analyses answered by multigrid and compared, all",
         compared(found),
