@@ -97,6 +97,19 @@ def condition(model: Model, moduli: Array) -> float:
     return factored(full_stiffness(model, moduli))[0]
 
 
+def plain_condition(model: Model, moduli: Array) -> float:
+    """Condition number, in the 1-norm, of K as it is; its digits are those of the scaled K's factor."""
+    K = full_stiffness(model, moduli)
+    _, (factor, _), root = factored(K)
+    return estimated(K, factor * root)
+
+
+def estimated(K: Array, factor: Array) -> float:
+    """LAPACK's estimate of the condition number in the 1-norm from the upper Cholesky factor."""
+    inverse, _ = dpocon(factor, float(np.abs(K).sum(axis=0).max()))
+    return 1 / inverse if inverse > 0 else np.inf
+
+
 def factored(K: Array) -> tuple[float, tuple[Array, bool], Array]:
     """Condition number of K scaled by its diagonal, the scaled matrix's Cholesky factor, and the diagonal's root (m,).
 
@@ -110,5 +123,4 @@ def factored(K: Array) -> tuple[float, tuple[Array, bool], Array]:
         factor = cho_factor(scaled)
     except LinAlgError:
         return np.inf, (K, False), root
-    inverse, _ = dpocon(factor[0], float(np.abs(scaled).sum(axis=0).max()))
-    return (1 / inverse if inverse > 0 else np.inf), factor, root
+    return estimated(scaled, factor[0]), factor, root

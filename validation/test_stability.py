@@ -5,12 +5,15 @@ invariant, to a stated tolerance; a **named error** that says the cause and the 
 the discrete problem and far from the body's physics. Anything else, a wrong number, NaN, a warning, a false alarm, is
 **other**, and there must be none.
 
-An analysis is judged by u, p-norm and both gradients in extended precision: the stiffness assembled in full from the
-strain operator, and residuals of 64 bits. The compliance must agree to 1e-8; what depends on strains to 1e-8 or, where
-the condition number of the scaled stiffness leaves fewer digits, to ten times its rounding error, and never worse than
-1e-4. An error counts as named only if that condition number is beyond 1e9, or the input asks for it. The body is a
-cantilever of 5 x 2 cells unless stated; h = E0 = F = 1; **B-spline** is the quadratic one. The error against Poisson's
-ratio is shown with the remedy for locking.
+An analysis is judged by u, compliance, p-norm and both gradients in extended precision, by a route of its own: shape
+functions, strains, tangent, load, clamp and objectives from closed forms, K in full, residuals of extended precision.
+Only the ghost penalty's operators are those of the code under test. Where a long double has the 53 bits of a double,
+the reference is plain double; the bits of this machine are among the claims. The compliance must agree to 1e-8; what
+depends on strains to 1e-8 or, where the condition number of the scaled stiffness leaves fewer digits, to ten times its
+rounding error, and never worse than 1e-4. An error is a named one only if the input asks for its class and, where that
+is for a stiffness close to singular, the condition number is beyond 1e13. The body is a cantilever of 5 x 2 cells
+unless stated; h = E0 = F = 1; **B-spline** is the quadratic one. The error against Poisson's ratio is shown with the
+remedy for locking.
 """
 
 from collections.abc import Callable
@@ -26,9 +29,10 @@ import pytest
 from mpmtop.equilibrium import Model, equilibrium
 from mpmtop.linear_solver import Solver
 from mpmtop.multigrid import Solve
+from mpmtop.objectives import compliance
 from mpmtop.scene import Array, NotConverged, UnsupportedBody
 from validation.conftest import Lock
-from validation.extended import full_stiffness
+from validation.extended import condition, plain_condition
 from validation.interruption import AFTER
 from validation.report import Report
 from validation.stability import (
@@ -43,7 +47,7 @@ from validation.stability import (
     reference,
     tally,
 )
-from validation.stability_cases import ANALYSES, GHOST, beam, fields, lattice, model_of, oracle
+from validation.stability_cases import ANALYSES, CELLS, DIRECTIONS, GHOST, beam, fields, lattice, model_of, oracle
 from validation.stability_parameters import parameters
 from validation.stability_runs import interruptions, killed_runs, optimisers
 from validation.stability_scales import materials, runs_in_units, units
@@ -97,22 +101,6 @@ def tabulate(report: Report, name: str, found: tuple[Outcome, ...], caption: str
     return none_else and enough
 
 
-def conditions(model: Model) -> tuple[float, float]:
-    """Condition numbers of the solid body's stiffness, plain and scaled by its diagonal.
-
-    Both by the inverse of the scaled matrix: its digits are certain, however small a plain eigenvalue is.
-    """
-    K = full_stiffness(model, np.ones(len(model.points.x)))
-    root = np.sqrt(np.diag(K))
-    scaled = K / root / root[:, None]
-    inverse = np.asarray(np.linalg.inv(scaled), float)
-
-    def largest(matrix: Array) -> float:
-        return float(np.linalg.eigvalsh(matrix)[-1])
-
-    return largest(K) * largest(inverse / np.outer(root, root)), largest(scaled) * largest(inverse)
-
-
 def displacements(model: Model) -> tuple[Array, Array]:
     """Displacements of points (p, 2) and nodes (a, 2) of the solid body; NaN where it has none."""
     try:
@@ -132,29 +120,54 @@ def test_positions(report: Report) -> None:
     scene and its grid moved to another origin, by irrational numbers and by 1e6 h, where positions are known to 1e-10 h
     only: the compliance of the scene in its place. The grid alone moved.
     """
-    none_else = tabulate(report, "positions", outcomes("Positions"), "Positions: cases and outcomes.", 930)
-    shifts = np.concatenate(
-        [[0.0, 0.01, 0.03], np.linspace(0.06, 0.74, 12), [0.7499, 0.7501], np.linspace(0.8, 0.95, 4)]
-    )
-    figure, axes = plt.subplots(3, 2, figsize=(8.0, 7.0), sharex=True, sharey="row")
-    for column, (direction, along) in zip(axes.T, {"x": (1.0, 0.0), "y": (0.0, 1.0)}.items(), strict=True):
-        for name, function, ghost in (("tent", "tent", 0.0), ("GIMP", "GIMP", 0.0), ("GIMP, ghost", "GIMP", GHOST)):
-            rows = []
-            for s in shifts:
-                if direction == "x" and s >= 0.75 and function == "tent":
-                    rows.append((np.nan,) * 3)
-                    continue
-                model = direct(model_of(function, np.multiply(along, s), ghost=ghost))
-                tip = np.abs(displacements(model)[0][:, 1]).max()
-                rows.append((*conditions(model), tip))
-            for ax, values in zip(column, np.array(rows).T, strict=True):
-                ax.semilogy(shifts, values, label=name)
-        column[-1].set(xlabel=f"shift in {direction} / h")
-    for ax, label in zip(axes[:, 0], ("condition of K", "condition, scaled", "largest displacement"), strict=True):
-        ax.set(ylabel=label)
-    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=3)
-    report.figure("positions", figure, "Condition number and largest displacement of a point, against the shift.")
+    none_else = tabulate(report, "positions", outcomes("Positions"), "Positions: cases and outcomes.", 740)
+    draw_positions(report)
     assert none_else
+
+
+def draw_positions(report: Report) -> None:
+    shifts = np.concatenate([[0.01, 0.03], np.linspace(0.06, 0.74, 12), [0.7499, 0.7501], np.linspace(0.8, 0.95, 4)])
+    figure, axes = plt.subplots(3, 2, figsize=(8.0, 7.0), sharex=True, sharey="row")
+    bodies = ("tent", "tent", 0.0), ("GIMP", "GIMP", 0.0), ("GIMP, ghost", "GIMP", GHOST), ("B-spline", "B-spline", 0.0)
+    for column, direction in zip(axes.T, ("x", "y"), strict=True):
+        for name, function, ghost in bodies:
+            kept = shifts if direction == "y" or function == "GIMP" else shifts[shifts < 0.75]  # else an error
+            rows = [shifted(function, np.multiply(DIRECTIONS[direction], s), ghost) for s in kept]
+            for ax, values in zip(column, np.array(rows).T, strict=True):
+                ax.semilogy(kept, values, label=name)
+        column[-1].set(xlabel=f"shift in {direction} / h")
+    labels = "condition of K", "condition, scaled", "error of the deflection"
+    for ax, label in zip(axes[:, 0], labels, strict=True):
+        ax.set(ylabel=label)
+    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=4)
+    report.figure(
+        "positions",
+        figure,
+        "Condition numbers, and error of the deflection under the load, against the shift: its change to the body as "
+        "seeded beside that of a Timoshenko beam whose lever arm changes as that of the points that carry the load.",
+    )
+
+
+def shifted(function: str, shift: Array, ghost: float) -> tuple[float, float, float]:
+    """Condition numbers, plain and scaled, and error of the deflection of the solid body."""
+    still, model = (direct(model_of(function, s, ghost=ghost)) for s in ((0.0, 0.0), shift))
+    solid = np.ones(len(model.points.x))
+    ratio = compliance(model, equilibrium(model, solid)) / compliance(still, equilibrium(still, solid))
+    error = ratio * deflection(lever(still)) / deflection(lever(model)) - 1
+    return plain_condition(model, solid), condition(model, solid), abs(error)
+
+
+def lever(model: Model) -> float:
+    """Distance from the clamp of the points that carry the load."""
+    (load,) = model.scene.loads
+    carriers, share = load.shares(model.points.x, 1e-9)
+    return float(share @ model.points.x[carriers, 0])
+
+
+def deflection(arm: float) -> float:
+    """Of a Timoshenko beam of height 2 under a unit force, plane strain, nu = 0.3, E = 1."""
+    nu, height = 0.3, CELLS[1]
+    return float(4 * (1 - nu**2) * arm**3 / height**3 + arm * 2 * (1 + nu) / (5 / 6 * height))
 
 
 @pytest.mark.slow
@@ -168,8 +181,9 @@ def test_small_cuts(report: Report, lock: Lock) -> None:
     a node. Not tied, they no longer stiffen the edge either: a step of the points' displacements at an infinitesimal
     cut, large on a body of two cells across, and a limit. The ghost penalty (`discretise(..., ghost=0.01)`) bounds the
     condition number and the nodes, and takes most of the step away. A larger body's compliances are AMPLE's to 1e-10.
+    What reaches over a line by less than 1e-12 of a cell lies on it by tolerance: the smallest cuts are none.
     """
-    none_else = tabulate(report, "small_cuts", outcomes("Small cuts"), "Small cuts: cases and outcomes.", 230)
+    none_else = tabulate(report, "small_cuts", outcomes("Small cuts"), "Small cuts: cases and outcomes.", 200)
     sizes = 10.0 ** -np.arange(1, 15)
     still = {ghost: displacements(direct(model_of("GIMP", ghost=ghost)))[0] for ghost in (0.0, GHOST)}
     rows: Cuts = {}
@@ -177,11 +191,11 @@ def test_small_cuts(report: Report, lock: Lock) -> None:
         for s in sizes:
             model = direct(model_of("GIMP", (s, s), ghost=ghost))
             points, nodes = displacements(model)
-            plain, scaled = conditions(model)
+            solid = np.ones(len(model.points.x))
             largest = np.abs(still[ghost]).max()
             rows[remedy, s] = {
-                "condition": plain,
-                "condition, scaled": scaled,
+                "condition": plain_condition(model, solid),
+                "condition, scaled": condition(model, solid),
                 "points, change": float(np.abs(points - still[ghost]).max() / largest),
                 "nodes over points": float(np.abs(nodes).max() / np.abs(points).max()),
             }
@@ -208,7 +222,13 @@ def test_small_cuts(report: Report, lock: Lock) -> None:
         source="our bound",
     )
     lock({f"{remedy}, {s:g}": row["condition"] for (remedy, s), row in rows.items() if s == 0.1}, rtol=RTOL_CONDITION)
-    assert none_else and bounded and quiet
+    less = report.check(
+        "step of the points' displacements at a cut of 1e-9 h, ghost penalty, over that with none",
+        rows["ghost penalty", sizes[8]]["points, change"] / rows["none", sizes[8]]["points, change"],
+        at_most=0.5,
+        source="our bound: most of it",
+    )
+    assert none_else and bounded and quiet and less
 
 
 def column(rows: Cuts, remedy: str) -> dict[str, list[float]]:
@@ -257,8 +277,8 @@ def test_contrast(report: Report) -> None:
     they lose digits. So state and adjoint are accepted by the residual and by its work on the state, and refined where
     that is more than the tolerance; what does not get there is refused.
     """
-    found = outcomes("Contrast and density fields")
-    none_else = tabulate(report, "contrast", found, "Contrast and density fields: cases and outcomes.", 1100)
+    cases = outcomes("Contrast and density fields")
+    none_else = tabulate(report, "contrast", cases, "Contrast and density fields: cases and outcomes.", 1100)
     named = {"direct": direct, "multigrid": lambda model: model}
     rows: list[tuple[str, float, float, float]] = []
     for k in (0, 2, 4, 5, 6, 7, 8, 10, 12):
@@ -325,7 +345,7 @@ def test_scales(report: Report) -> None:
     F from 1e-12 to 1e12 together: compliance E / F², p-norm h / F, their gradients and displacement E / F must be those
     of h = E = F = 1, to 1e-10. Close to 0.5 the body locks, a limit.
     """
-    assert tabulate(report, "scales", outcomes("Scales"), "Scales: cases and outcomes.", 730)
+    assert tabulate(report, "scales", outcomes("Scales"), "Scales: cases and outcomes.", 735)
 
 
 def test_parameters(report: Report) -> None:
@@ -420,6 +440,8 @@ def test_all_cases(report: Report) -> None:
     what = pd.Series([f"{case.kind}: {case.what}" for case in every if case.kind in ("named error", "limit")])
     counts = what.value_counts().rename_axis("outcome").rename("cases").to_frame()
     report.table("what", counts, "Which errors, which limits.")
-    enough = report.check("cases tried", len(every), at_least=5000, source="our aim")
+    bits = np.finfo(np.longdouble).nmant + 1
+    report.check("bits of the reference's numbers; 53 is plain double", bits, source="this machine")
+    enough = report.check("cases tried, no problem twice", len(every), at_least=5000, source="our aim")
     none_else = report.check("outcomes other than these three, all cases", rows["all"]["other"], 0, source="our aim")
     assert enough and none_else
