@@ -270,8 +270,7 @@ def some(kept: Index) -> MaterialPoints:
 
 
 def cloud(number: int) -> Analysis:
-    """Points of random number, place and size; every second cloud in another order or with its points halved, for an
-    invariance."""
+    """Points of random number, place and size; every tenth one with a ghost penalty, where there is one."""
     rng = np.random.default_rng(number)
     function = list(FUNCTIONS)[number % 3]
     p = int(rng.integers(6, 40))
