@@ -22,7 +22,7 @@ from mpmtop.scene import Array, Mask, NotConverged, PointLoad, UnsupportedBody
 from mpmtop.transfer import Transfer
 from validation import interruption, stability, stability_cases
 from validation.extended import Undetermined, condition, extended, full_stiffness, pseudo_compliance
-from validation.stability import Analysis, Case, Finding, Limit, direct, is_named, outcome, refused, tally
+from validation.stability import Analysis, Case, Finding, Limit, Outcome, direct, is_named, outcome, refused, tally
 from validation.stability_cases import ANALYSES, FUNCTIONS, beam, fields, lattice, model_of, over_edge
 from validation.stability_parameters import invalid, parameters
 from validation.stability_reference import body_of
@@ -354,6 +354,34 @@ def test_solvers_that_differ_are_found(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr(stability, "equilibrium", direct_only)
     assert outcome(beam_analysis().twice).kind == "other"
+
+
+def test_multigrid_that_gives_up_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without a step of conjugate gradients there is nothing to compare, and no reason for it."""
+    monkeypatch.setattr("mpmtop.linear_solver.MAX_ITERATIONS", 0)
+    assert outcome(beam_analysis().twice).what.startswith("Wrong: false alarm")
+
+
+def test_displacements_on_void_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An end that hangs on void of 1e-6 may be off by the tolerance of the load over the void's stiffness: by 10."""
+    density = dict(fields(lattice().x))["random islands 2"]
+    ends = Analysis("", "", partial(model_of, "GIMP", (0.1, 0.1), scene=beam(contrast=1e-6)), density)
+    whole = stability.quantities
+
+    def found(off: float) -> Outcome:
+        def moved(model: Model, state: Equilibrium, rho: Array) -> stability.Quantities:
+            result = whole(model, state, rho)
+            away = 0.0 if isinstance(model.solver, BandedCholesky) else off
+            return result._replace(displacement=result.displacement + away)
+
+        monkeypatch.setattr(stability, "quantities", moved)
+        return outcome(ends.twice)
+
+    size = float(np.abs(whole(*state_of(ends)).displacement).max())
+    assert found(0.0).kind == "right"
+    assert 5.0 / size > 1e-5  # otherwise it would be right
+    assert found(5.0).what == stability.SOFT
+    assert found(20.0).kind == "other"
 
 
 def test_tally() -> None:

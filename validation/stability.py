@@ -211,7 +211,7 @@ class Analysis:
         if displacement <= tol:
             return Finding(worst(deviation, displacement / tol))
         apart = float(np.abs(ours.displacement - theirs.displacement).max())
-        by_void = apart * float(moduli.min()) / float(np.linalg.norm(model.f_ext))
+        by_void = apart * float(moduli.min()) / float(np.linalg.norm(model.f_ext.reshape(-1, 2).sum(axis=0)))
         return Finding(worst(deviation, by_void / tol), SOFT)
 
     def alone(self, model: Model, moduli: Array, ours: float, tol: float) -> Finding:
