@@ -1,5 +1,5 @@
-"""Optimisations killed by SIGKILL and resumed: `python -m validation.interruption` prints, as JSON, which of them ended
-as the run that was not killed, bit for bit.
+"""Optimisations killed by SIGKILL and resumed: `python -m validation.interruption` prints, as JSON, which of them were
+killed before their end, and which ended as the run that was not killed, bit for bit.
 
 Every run is a process of its own, forked from this one, and is killed either by itself at a chosen moment or by this
 process after some time.
@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterable
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, NoReturn
+from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
 
@@ -76,19 +76,26 @@ def run_and_die(problem: DesignProblem, rule: UpdateRule, path: Path, moment: st
             setattr(loop.np if name == "savez" else loop.os, name, instead)
 
 
-def survives(problem: DesignProblem, rule: UpdateRule, moment: str, whole: Iterate[Evaluation]) -> bool:
-    """Whether a run killed at the moment, and resumed, ends as the whole one: design, objective and solves."""
+class Survival(NamedTuple):
+    """Whether a run was killed by SIGKILL before its end, and whether, resumed, it ended as the one that was not."""
+
+    killed: bool
+    same: bool
+
+
+def survives(problem: DesignProblem, rule: UpdateRule, moment: str, whole: Iterate[Evaluation]) -> Survival:
+    """A run killed at the moment, and resumed, beside the whole one: design, objective and solves."""
     with TemporaryDirectory() as folder:
         path = Path(folder) / "run.npz"
-        forked(partial(run_and_die, problem, rule, path, moment), moment)
+        hit = forked(partial(run_and_die, problem, rule, path, moment), moment)
         end = last_of(optimize(problem, rule, checkpoint=path, max_iterations=ITERATIONS, stop=lambda history: False))
         left = sorted(file.name for file in Path(folder).iterdir())
     same = np.array_equal(end.x, whole.x) and (end.objective, end.solves) == (whole.objective, whole.solves)
-    return same and left == ["run.npz"]
+    return Survival(hit, same and left == ["run.npz"])
 
 
-def forked(run: Callable[[], None], moment: str) -> None:
-    """Run in a child process; where the moment is a time, kill it then."""
+def forked(run: Callable[[], None], moment: str) -> bool:
+    """Run in a child process; where the moment is a time, kill it then. Whether SIGKILL is what ended it."""
     child = os.fork()
     if child == 0:
         try:
@@ -98,17 +105,18 @@ def forked(run: Callable[[], None], moment: str) -> None:
     if moment.endswith("ms from the start"):
         time.sleep(1e-3 * int(moment.split()[0]))
         os.kill(child, signal.SIGKILL)
-    os.waitpid(child, 0)
+    status = os.waitpid(child, 0)[1]
+    return os.WIFSIGNALED(status) and os.WTERMSIG(status) == signal.SIGKILL
 
 
 def main() -> None:
     problem = design_problem()
-    same = {}
+    found = {}
     for name, rule in RULES.items():
         whole = last_of(optimize(problem, rule, max_iterations=ITERATIONS, stop=lambda history: False))
         for moment in MOMENTS:
-            same[f"{name}|{moment}"] = survives(problem, rule, moment, whole)
-    print(json.dumps(same))
+            found[f"{name}|{moment}"] = survives(problem, rule, moment, whole)
+    print(json.dumps(found))
 
 
 if __name__ == "__main__":

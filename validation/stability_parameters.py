@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import cache, partial
 from itertools import pairwise, product
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -15,7 +15,19 @@ from mpmtop.optimize import optimize
 from mpmtop.points import MaterialPoints
 from mpmtop.problem import DesignProblem
 from mpmtop.region import Circle, Rectangle
-from mpmtop.scene import Compliance, Material, PNormStress, PointLoad, Scene, Support
+from mpmtop.scene import (
+    Compliance,
+    EmptyDomain,
+    InvalidScene,
+    LoadOutsideBody,
+    Material,
+    PNormStress,
+    PointLoad,
+    PointOutsideGrid,
+    Scene,
+    Support,
+    UnsupportedBody,
+)
 from validation.stability import Case, Finding, direct, refused, worst
 from validation.stability_cases import FUNCTIONS, beam, lattice, model_of
 from validation.stability_runs import FEASIBLE
@@ -23,6 +35,10 @@ from validation.stability_runs import FEASIBLE
 STEP = 1e-6
 """Of central differences: their own error is 1e-12 times the third derivative, at p = 100 up to 1e6 of the first."""
 RTOL_DIFFERENCE = 1e-5
+PENALTIES = (1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 10.0)
+PS = (1.0, 2.0, 4.0, 12.0, 30.0, 60.0, 100.0)
+QS = (0.0, 0.25, 0.5, 1.0, 2.0, 3.0)
+nan, inf = np.nan, np.inf
 
 
 @cache
@@ -38,29 +54,31 @@ def problem_of(function: str, **changes: Any) -> DesignProblem:
 
 def parameters() -> Iterator[Case]:
     """Penalty, p, q, filter radius and volume fraction: gradients; a few iterations; and what is refused."""
-    penalties, ps, qs = (1, 1.5, 2, 3, 4, 6, 10), (1, 2, 4, 12, 30, 60, 100), (0, 0.25, 0.5, 1, 2, 3)
-    for i, (penal, p, q) in enumerate(product(penalties, ps, qs)):
-        function = list(FUNCTIONS)[i % 3]
+    rng = np.random.default_rng(1)
+    for penal, p, q in product(PENALTIES, PS, QS):
+        if q >= penal:
+            continue  # refused, see `invalid_scenes`
+        function = str(rng.choice(list(FUNCTIONS)))
         yield Case(
             f"penalty, p, q; {function}",
             f"penalty {penal}, p {p}, q {q}",
             "central difference",
-            partial(gradient, function, penal=float(penal), p=float(p), q=float(q)),
+            partial(gradient, function, penal=penal, p=p, q=q),
         )
-    for function, penal in product(FUNCTIONS, penalties):
-        run = partial(gradient, function, penal=float(penal))
+    for function, penal in product(FUNCTIONS, PENALTIES):
+        run = partial(gradient, function, penal=penal)
         yield Case(f"penalty, compliance; {function}", f"penalty {penal}", "central difference", run)
     radii, fractions = (1e-9, 0.1, 0.5, 1.5, 1e3), (1e-3, 0.01, 0.1, 0.4, 0.9, 1 - 1e-12, 1.0)
-    for i, (radius, fraction, objective) in enumerate(product(radii, fractions, (Compliance(), PNormStress()))):
-        function = list(FUNCTIONS)[i % 3]
+    for radius, fraction, objective in product(radii, fractions, (Compliance(), PNormStress())):
+        function = str(rng.choice(list(FUNCTIONS)))
         yield Case(
             "filter radius and volume fraction",
             f"{function}, radius {radius}, fraction {fraction}, {objective}",
             "feasible, descending",
             partial(descent, function, filter_radius=radius, volume_fraction=fraction, objective=objective),
         )
-    for i, make in enumerate(invalid()):
-        yield Case("invalid input", f"{i}", "a named error", partial(refused, make))
+    for i, (make, error, says) in enumerate(invalid()):
+        yield Case("invalid input", f"{i}", "the error to expect", partial(refused, make), (error,), says)
 
 
 def gradient(function: str, *, penal: float, p: float | None = None, q: float = 0.5) -> Finding:
@@ -82,60 +100,95 @@ def descent(function: str, **changes: Any) -> Finding:
     return Finding(worst(worst(*(i.constraints[0] for i in iterates)) / FEASIBLE, worst(*rises) / 1e-8))
 
 
-def invalid() -> Iterator[Callable[[], object]]:
+class Refusal(NamedTuple):
+    """An input that must not be taken, the class of the error to expect, and a word of its message."""
+
+    make: Callable[[], object]
+    error: type[Exception]
+    says: str
+
+
+def invalid() -> Iterator[Refusal]:
     """Inputs outside their ranges."""
-    nan, inf = np.nan, np.inf
-    ranges: dict[str, tuple[float, ...]] = {
-        "volume_fraction": (0.0, -0.1, 1.1, 1e-4, nan, inf),
-        "filter_radius": (0.0, -1.0, nan, inf),
-        "rho_min": (-1e-3, 1.0, 0.5, nan),
-        "contrast": (-1e-9, 1.0, nan, inf),
-        "penal": (0.5, -3.0, nan, inf),
+    yield from invalid_scenes()
+    yield from invalid_points()
+    yield from invalid_models()
+    for force in (1e-170, 1e-200, 1e170, 1e200):
+        yield Refusal(partial(analysed, beam(loads=(PointLoad((5.0, 1.0), (0.0, force)),))), ValueError, "units")
+    for rho in (nan, -0.1, 1.1, inf):
+        yield Refusal(partial(problem_of("tent").analyse, np.full(40, rho)), ValueError, "physical densities")
+    yield Refusal(partial(problem_of("tent").analyse, np.ones(39)), ValueError, "one for each point")
+
+
+def invalid_scenes() -> Iterator[Refusal]:
+    """Numbers of a scene, its material and objective, and of update rules."""
+    ranges: dict[str, tuple[str, tuple[float, ...]]] = {
+        "volume_fraction": ("volume fraction", (0.0, -0.1, 1.1, 1e-4, nan, inf)),
+        "filter_radius": ("filter radius", (0.0, -1.0, nan, inf)),
+        "rho_min": ("rho_min", (-1e-3, 1.0, 0.5, nan)),
+        "contrast": ("contrast", (-1e-9, 1.0, nan, inf)),
+        "penal": ("penalty", (0.5, -3.0, nan, inf)),
     }
-    for name, values in ranges.items():
+    for name, (says, values) in ranges.items():
         for value in values:
             changes: dict[str, Any] = {name: value}
-            yield partial(beam, **changes)
-    yield partial(beam, supports=())
-    yield partial(beam, loads=())
-    yield partial(beam, objective=PNormStress(12, 3.5))
-    for young, nu in ((0.0, 0.3), (-1.0, 0.3), (nan, 0.3), (inf, 0.3), (1.0, 0.5), (1.0, -1.0), (1.0, nan)):
-        yield partial(Material, young, nu)
-    for p, q in ((0.5, 0.5), (nan, 0.5), (inf, 0.5), (12.0, -0.1), (12.0, nan)):
-        yield partial(PNormStress, p, q)
-    for h in (0.0, -1.0, nan, inf, 0.3):
-        yield partial(discretise, beam(), h)
-    for ppc in (0, -1):
-        yield partial(discretise, beam(), 1.0, ppc)
-    for move in (0.0, -0.1, 1.1, nan):
-        for rule in (MMA, GCMMA, SingleStepGCMMA, OptimalityCriteria):
-            yield partial(rule, move)
-    here, one = np.array([[1.0, 1.0]]), np.ones(1)
-    yield partial(MaterialPoints, here * nan, one, np.ones((1, 2)))
-    yield partial(MaterialPoints, here, -one, np.ones((1, 2)))
-    yield partial(MaterialPoints, here, one, np.zeros((1, 2)))
-    yield partial(MaterialPoints, here, one * nan, np.ones((1, 2)))
-    yield partial(MaterialPoints, here, one * inf, np.ones((1, 2)))
-    yield partial(MaterialPoints, here, one, np.full((1, 2), inf))
-    yield partial(MaterialPoints, np.empty((0, 2)), np.empty(0), np.empty((0, 2)))
-    yield partial(Circle, (0.0, 0.0), -1.0)
-    yield partial(Rectangle, (1.0, 0.0), (0.0, 1.0))
-    yield partial(model_of, "tent", grid=Grid((0.0, 0.0), (1.0, 1.0), (4, 2)))
-    yield partial(model_of, "tent", (1e3, 0.0), grid=Grid((0.0, 0.0), (1.0, 1.0), (9, 9)))
-    yield partial(model_of, "GIMP", points=replace(lattice(), half_length=lattice().half_length * 3))
-    yield partial(model_of, "B-spline", ghost=0.01)
-    yield partial(model_of, "tent", ghost=nan)
-    yield partial(model_of, "tent", scene=beam(loads=(PointLoad((5.0, 1.0), (0.0, 0.0)),)))
-    yield partial(model_of, "tent", scene=beam(loads=(PointLoad((0.0, 1.0), (0.0, 1.0), points=0),)))
-    yield partial(model_of, "tent", scene=beam(loads=(PointLoad((5.0, 1.0), (0.0, 1.0), points=99),)))
-    yield partial(model_of, "tent", scene=beam(supports=(Support(Rectangle((8.0, 0.0), (9.0, 1.0))),)))
+            yield Refusal(partial(beam, **changes), InvalidScene, says)
+    yield Refusal(partial(beam, supports=()), UnsupportedBody, "support")
+    yield Refusal(partial(beam, loads=()), InvalidScene, "load")
+    for penal, p, q in product(PENALTIES, PS, QS):
+        if q >= penal:
+            made = partial(beam, penal=penal, objective=PNormStress(p, q))
+            yield Refusal(made, InvalidScene, "below the penalty")
+    for young in (0.0, -1.0, nan, inf):
+        yield Refusal(partial(Material, young, 0.3), InvalidScene, "Young")
+    for nu in (0.5, -1.0, nan):
+        yield Refusal(partial(Material, 1.0, nu), InvalidScene, "Poisson")
+    for p in (0.5, nan, inf):
+        yield Refusal(partial(PNormStress, p, 0.5), InvalidScene, "exponent")
+    for q in (-0.1, nan):
+        yield Refusal(partial(PNormStress, 12.0, q), InvalidScene, "relaxation")
     for force in (nan, inf):
-        yield partial(PointLoad, (5.0, 1.0), (0.0, force))
-    for force in (1e-170, 1e-200, 1e170, 1e200):
-        yield partial(analysed, beam(loads=(PointLoad((5.0, 1.0), (0.0, force)),)))
-    for rho in (nan, -0.1, 1.1, inf):
-        yield partial(problem_of("tent").analyse, np.full(40, rho))
-    yield partial(problem_of("tent").analyse, np.ones(39))
+        yield Refusal(partial(PointLoad, (5.0, 1.0), (0.0, force)), InvalidScene, "force")
+    yield Refusal(partial(Circle, (0.0, 0.0), -1.0), InvalidScene, "radius")
+    yield Refusal(partial(Rectangle, (1.0, 0.0), (0.0, 1.0)), InvalidScene, "upper bound")
+    for move, rule in product((0.0, -0.1, 1.1, nan), (MMA, GCMMA, SingleStepGCMMA, OptimalityCriteria)):
+        yield Refusal(partial(rule, move), ValueError, "move")
+
+
+def invalid_points() -> Iterator[Refusal]:
+    """Points without place or size."""
+    here, one, half = np.array([[1.0, 1.0]]), np.ones(1), np.ones((1, 2))
+    yield Refusal(partial(MaterialPoints, here * nan, one, half), ValueError, "coordinates")
+    for volume in (-one, one * nan, one * inf):
+        yield Refusal(partial(MaterialPoints, here, volume, half), ValueError, "size")
+    for length in (0 * half, half * inf):
+        yield Refusal(partial(MaterialPoints, here, one, length), ValueError, "size")
+    yield Refusal(partial(MaterialPoints, np.empty((0, 2)), np.empty(0), np.empty((0, 2))), EmptyDomain, "points")
+
+
+def invalid_models() -> Iterator[Refusal]:
+    """Cells, grids, points and loads that do not fit each other."""
+    for h in (0.0, -1.0, nan, inf):
+        yield Refusal(partial(discretise, beam(), h), ValueError, "spacing")
+    yield Refusal(partial(discretise, beam(), 0.3), InvalidScene, "does not divide")
+    for ppc in (0, -1):
+        yield Refusal(partial(discretise, beam(), 1.0, ppc), ValueError, "points per cell")
+    small, other = Grid((0.0, 0.0), (1.0, 1.0), (4, 2)), Grid((0.0, 0.0), (1.0, 1.0), (9, 9))
+    yield Refusal(partial(model_of, "tent", grid=small), PointOutsideGrid, "enlarge the grid")
+    yield Refusal(partial(model_of, "tent", (1e3, 0.0), grid=other), PointOutsideGrid, "enlarge the grid")
+    wide = replace(lattice(), half_length=lattice().half_length * 3)
+    yield Refusal(partial(model_of, "GIMP", points=wide), ValueError, "cells wide")
+    yield Refusal(partial(model_of, "B-spline", ghost=0.01), ValueError, "use tent or gimp")
+    yield Refusal(partial(model_of, "tent", ghost=nan), ValueError, "finite")
+    at_tip, at_clamp = (5.0, 1.0), (0.0, 1.0)
+    for load, says in (
+        (PointLoad(at_tip, (0.0, 0.0)), "nonzero"),
+        (PointLoad(at_clamp, (0.0, 1.0), points=0), "held nodes"),
+        (PointLoad(at_tip, (0.0, 1.0), points=99), "99 points"),
+    ):
+        yield Refusal(partial(model_of, "tent", scene=beam(loads=(load,))), LoadOutsideBody, says)
+    nowhere = beam(supports=(Support(Rectangle((8.0, 0.0), (9.0, 1.0))),))
+    yield Refusal(partial(model_of, "tent", scene=nowhere), UnsupportedBody, "holds no node")
 
 
 def analysed(scene: Scene) -> object:

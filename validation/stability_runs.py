@@ -3,7 +3,7 @@
 import json
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cache, partial
 from itertools import product
@@ -16,10 +16,10 @@ import numpy as np
 
 from mpmtop import export
 from mpmtop.gcmma import GCMMA, MMA, OptimalityCriteria, SingleStepGCMMA, UpdateRule
-from mpmtop.optimize import Iterate, load_checkpoint, optimize
-from mpmtop.problem import DesignProblem
-from mpmtop.scene import Array
-from validation.interruption import MOMENTS, RULES, design_problem, last_of
+from mpmtop.optimize import CheckpointError, Iterate, load_checkpoint, optimize
+from mpmtop.problem import DesignProblem, Evaluation
+from mpmtop.scene import Array, NotConverged
+from validation.interruption import AT, MOMENTS, RULES, Survival, design_problem, last_of
 from validation.stability import Case, Finding, Wrong, direct, distance, refused, worst
 from validation.stability_cases import FUNCTIONS, model_of
 
@@ -106,9 +106,29 @@ def optimisers() -> Iterator[Case]:
         yield Case("zero gradient", f"{rule}", "feasible", partial(without_gradient, rule))
     for rule, bad, start, where in product(UPDATES, (np.nan, np.inf, -np.inf), (0, 1, 7), (True, False)):
         run = partial(refused, partial(bars, 1, rule, 12, bad=bad, bad_from=start, in_gradient=where))
-        yield Case("NaN or infinity from the objective", f"{rule}, {bad}, {start}, {where}", "a named error", run)
+        name, says = f"{rule}, {bad}, {start}, {where}", "derivatives" if where else "objective"
+        yield Case("NaN or infinity from the objective", name, "the error to expect", run, (NotConverged,), says)
+    for function, rule, bad, where in product(FUNCTIONS, UPDATES[:2], (np.nan, np.inf, -np.inf), (True, False)):
+        run = partial(refused, partial(injected, function, rule, bad, in_gradient=where))
+        name, says = f"{function}, {rule}, {bad}, {where}", "derivatives" if where else "objective"
+        yield Case("NaN or infinity from a body", name, "the error to expect", run, (NotConverged,), says)
     for rule in (MMA(), GCMMA(), OptimalityCriteria()):
         yield Case("2,000 iterations", f"{rule}", "volume and objective stay", partial(drift, rule))
+
+
+def injected(function: str, rule: UpdateRule, bad: float, *, in_gradient: bool) -> list[Iterate[Evaluation]]:
+    """A run on the beam whose objective, or one entry of its gradient, is `bad`."""
+    problem = DesignProblem(direct(model_of(function, (0.1, 0.05))))
+    whole = problem.objective
+
+    def gradient(*arguments: Any) -> tuple[Array, Array]:
+        by_rho, by_moduli = whole.gradient(*arguments)
+        by_moduli[3] = bad
+        return by_rho, by_moduli
+
+    spoilt = whole._replace(gradient=gradient) if in_gradient else whole._replace(value=lambda *arguments: bad)
+    vars(problem)["objective"] = spoilt  # a cached property
+    return list(optimize(problem, rule, max_iterations=3))
 
 
 def optimal(seed: int, rule: UpdateRule) -> Finding:
@@ -142,33 +162,41 @@ def drift(rule: UpdateRule) -> Finding:
 def interruptions() -> Iterator[Case]:
     """Killed runs, resumed; damaged and foreign files; export."""
     kills = killed_runs()
-    for (rule, moment), same in kills.items():
-        run = partial(resumed, same)
+    for (rule, moment), end in kills.items():
+        run = partial(resumed, end, must_be_hit=moment in AT)
         yield Case(f"kill -9, {rule}", moment, "the run that was not killed, bit for bit", run)
     for i in range(80):
-        yield Case("truncated checkpoint", f"{i}", "a named error", partial(damaged, truncate=i))
+        run = partial(damaged, truncate=i)
+        yield Case("truncated checkpoint", f"{i}", "the error to expect", run, (CheckpointError,), "start afresh")
     for i in range(120):
-        yield Case("checkpoint with a flipped bit", f"{i}", "refused, or read whole", partial(damaged, flip=i))
+        run = partial(damaged, flip=i)
+        yield Case(
+            "checkpoint with a flipped bit", f"{i}", "refused, or read whole", run, (CheckpointError,), "start afresh"
+        )
     for i, content in enumerate((b"", b"text", b"PK\x03\x04", b"\x93NUMPY", bytes(4096))):
-        yield Case("foreign file", f"{i}", "a named error", partial(damaged, content=content))
+        run = partial(damaged, content=content)
+        yield Case("foreign file", f"{i}", "the error to expect", run, (CheckpointError,), "start afresh")
     for function in FUNCTIONS:
         yield Case("VTU file reopened", function, "what was written", partial(reopened, function))
 
 
 @cache
-def killed_runs() -> dict[tuple[str, str], bool]:
-    """By update rule and moment of the kill: whether the resumed run ended as the one that was not killed.
+def killed_runs() -> dict[tuple[str, str], Survival]:
+    """By update rule and moment of the kill.
 
     They are made in a process of their own: what it forks has no other threads to lose.
     """
     command = [sys.executable, "-m", "validation.interruption"]
     done = subprocess.run(command, cwd=Path(__file__).parents[1], capture_output=True, text=True, check=True)
-    same = json.loads(done.stdout)
-    return {(rule, moment): same[f"{rule}|{moment}"] for rule, moment in product(RULES, MOMENTS)}
+    found = json.loads(done.stdout)
+    return {(rule, moment): Survival(*found[f"{rule}|{moment}"]) for rule, moment in product(RULES, MOMENTS)}
 
 
-def resumed(same: bool) -> Finding:
-    return Finding(0.0 if same else np.inf)
+def resumed(end: Survival, *, must_be_hit: bool) -> Finding:
+    """A kill by time may come after the end; one at a place in the run has to hit."""
+    if must_be_hit and not end.killed:
+        raise Wrong("the run was not killed")
+    return Finding(0.0 if end.same else np.inf)
 
 
 @cache
@@ -214,10 +242,3 @@ def reopened(function: str) -> Finding:
     stress = problem.model.stress(at.state.moduli, at.state.strain)
     off = distance(displacement.ravel(), at.state.u) + distance(points.point_data["stress"], stress)
     return Finding(off / np.finfo(float).tiny)  # the same numbers
-
-
-RUNS: dict[str, Callable[[], Iterator[Case]]] = {
-    "Optimiser": optimisers,
-    "Interruption": interruptions,
-}
-"""By section of the report."""
