@@ -44,10 +44,9 @@ def seed(region: Region, spacing: tuple[float, float]) -> MaterialPoints:
     Centres outside the region are left out. Each point owns its lattice rectangle. The spacing must divide the box:
     points that drift through the cells of the grid would be another discretisation than the one asked for.
     """
+    spacing = (float(spacing[0]), float(spacing[1]))
     if not (np.all(np.isfinite(spacing)) and min(spacing) > 0):
-        raise ValueError(
-            f"point spacing {tuple(map(float, spacing))}: give finite, positive cell sizes and at least one point per cell"
-        )
+        raise ValueError(f"point spacing {spacing}: give finite, positive cell sizes and at least one point per cell")
     lower, upper = region.bounds
     counts = np.maximum(np.rint((upper - lower) / spacing).astype(int), 1)
     if not np.allclose(counts * spacing, upper - lower, rtol=1e-9, atol=0):
