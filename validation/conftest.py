@@ -38,6 +38,8 @@ from validation.templates import Measured, count, holding, publish
 from validation.timed import merge_timed, read_timed
 
 Item = TypeVar("Item")
+LONGEST = ("l_bracket", "stability", "multi_resolution", "hole", "work_precision")
+"""Studies that start first, so that processes beside each other end at about the same time."""
 SHOWN_AFTER = 2.0  # [s] an iteration shorter than this needs no progress line
 PACKAGES = ("mpmtop", "numpy", "scipy", "scikit-fem", "meshio", "pandas", "matplotlib", "pytest", "pypardiso")
 
@@ -90,7 +92,7 @@ def pytest_unconfigure(config: pytest.Config) -> None:
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Skip what was not asked for; what the report recorded of it stays."""
+    """Skip what was not asked for; what the report recorded of it stays. The longest studies go first."""
     left_out = {
         "benchmark": (not config.getoption("--benchmark", False), "finest levels: run by --benchmark"),
         "slow": (config.getoption("--quick", False), "slow: left out by --quick"),
@@ -99,6 +101,8 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         for item in items:
             if skipped and item.get_closest_marker(name):
                 item.add_marker(pytest.mark.skip(reason=reason))
+    place = {f"test_{study}": k for k, study in enumerate(LONGEST)}
+    items.sort(key=lambda item: place.get(item.path.stem, len(place)))
 
 
 @pytest.hookimpl(tryfirst=True)
