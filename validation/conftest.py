@@ -115,7 +115,7 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
         study = item.path.stem.removeprefix("test_")
         benchmark = item.get_closest_marker("benchmark") is not None
         run.reports[item] = report = Report(study, item.function.__name__, run.files, benchmark)
-        report.cpu = -cpu_seconds()
+        report.cpu = -_cpu_clock()
 
 
 @pytest.hookimpl(wrapper=True)
@@ -130,7 +130,7 @@ def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[None]) ->
     if item in reports:
         reports[item].wall += call.duration
     if call.when == "teardown" and item in reports:
-        reports[item].cpu += cpu_seconds()
+        reports[item].cpu += _cpu_clock()
     if call.when == "teardown" and item in reports and hasattr(item.config, "workeroutput"):
         # test by test, so that a crash of the worker loses no more than the test that made it crash
         outcome.user_properties.append(("ran", pickle.dumps(_ran(item, reports[item]))))
@@ -298,7 +298,7 @@ def _studies(ran: Iterable[Ran], crashed: Iterable[tuple[Path, str]], before: Ma
     return [marked(studies[name], lost) for name in sorted(studies)]
 
 
-def cpu_seconds() -> float:
+def _cpu_clock() -> float:
     """CPU seconds of this process and of those it has started and seen end."""
     times = os.times()
     return times.user + times.system + times.children_user + times.children_system

@@ -65,7 +65,7 @@ def recorded(report: Report, frame: pd.DataFrame, tag: str) -> None:
         report.timed.text(f"**{quantity.capitalize()}.** " + advice(runs, "seconds", "CPU time"))
         caption = f"CPU seconds to an error of the {quantity}, and slope of the error by CPU time."
         report.timed.table(f"{name}_seconds", seconds_table(runs), caption, 3)
-        ratio_timed(report, runs)
+        ratio_timed(report, runs, tag)
     draw(report.timed, f"{tag}_seconds", time_figure(frame), "Errors against CPU time. Circles: Pareto front.")
 
 
@@ -79,14 +79,15 @@ def seconds_table(frame: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(columns).reindex(slope.index).assign(slope=slope)
 
 
-def ratio_timed(report: Report, frame: pd.DataFrame) -> None:
-    """CPU time of the cheapest material points over that of the cheapest elements, at the least error both reach."""
+def ratio_timed(report: Report, frame: pd.DataFrame, tag: str) -> None:
+    """CPU time of the cheapest material points over that of the cheapest elements, at the least error both reach; the
+    study's tag tells apart quantities of one name."""
     runs = of_arrangement(frame, "uncrossed")
     groups = runs[runs["ppc"] > 0], runs[runs["ppc"] == 0]
     for target in reversed(TARGETS):
         of_points, of_elements = (cheapest(group, "seconds", target) for group in groups)
         if of_points is not None and of_elements is not None:
-            claim = f"CPU time to an error of {target:g} of the {frame['quantity'].iloc[0]}, uncrossed"
+            claim = f"CPU time to an error of {target:g} of the {frame['quantity'].iloc[0]} ({tag.replace('_', ' ')}), uncrossed"
             ratio = of_points["seconds"] / of_elements["seconds"]
             report.timing(f"{claim}: best material points over best elements", ratio, source="for comparison")
             return
