@@ -87,7 +87,8 @@ def ratio_timed(report: Report, frame: pd.DataFrame, tag: str) -> None:
     for target in reversed(TARGETS):
         of_points, of_elements = (cheapest(group, "seconds", target) for group in groups)
         if of_points is not None and of_elements is not None:
-            claim = f"CPU time to an error of {target:g} of the {frame['quantity'].iloc[0]} ({tag.replace('_', ' ')}), uncrossed"
+            quantity = f"{frame['quantity'].iloc[0]} ({tag.replace('_', ' ')})"
+            claim = f"CPU time to an error of {target:g} of the {quantity}, uncrossed"
             ratio = of_points["seconds"] / of_elements["seconds"]
             report.timing(f"{claim}: best material points over best elements", ratio, source="for comparison")
             return
