@@ -7,12 +7,11 @@ import pytest
 
 from mpmtop import multigrid
 from mpmtop.equilibrium import Equilibrium, Model, discretise, equilibrium
-from mpmtop.gcmma import MMA
 from mpmtop.linear_solver import BandedCholesky, MultigridCG, SuperLU, choose_solver
 from mpmtop.material import simp
 from mpmtop.multigrid import Blocks, Lattice, assembled, coarsening, places, v_cycle
 from mpmtop.objectives import compliance, compliance_gradient
-from mpmtop.optimize import optimize
+from mpmtop.optimize import MMA, optimize
 from mpmtop.problem import DesignProblem
 from mpmtop.region import Circle, Difference, Rectangle
 from mpmtop.scene import Array, Material, NotConverged, Support, UnsupportedBody

@@ -5,8 +5,7 @@ import pytest
 
 from mpmtop.design import density_filter
 from mpmtop.equilibrium import discretise
-from mpmtop.gcmma import GCMMA, MMA, OptimalityCriteria, UpdateRule
-from mpmtop.optimize import optimize
+from mpmtop.optimize import GCMMA, MMA, OptimalityCriteria, UpdateRule, optimize
 from mpmtop.problem import DesignProblem, plan
 from mpmtop.quadtree import quadtree
 from mpmtop.region import Array, Circle, Difference, InvalidScene, Rectangle, Region

@@ -22,8 +22,7 @@ from skfem import solve as skfem_solve
 from skfem.assembly import BilinearForm
 from skfem.helpers import ddot, dot, eye, sym_grad, trace
 
-from mpmtop.gcmma import GCMMA
-from mpmtop.optimize import optimize
+from mpmtop.optimize import GCMMA, optimize
 from mpmtop.region import Circle
 from mpmtop.scene import (
     Array,

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from mpmtop.design import DesignSpace, passive_filter
-from mpmtop.gcmma import GCMMA
-from mpmtop.optimize import optimize
+from mpmtop.optimize import GCMMA, optimize
 from mpmtop.points import MaterialPoints
 from mpmtop.region import Circle
 from mpmtop.scene import (

@@ -17,10 +17,8 @@ from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
 
-from mpmtop import optimize as loop
 from mpmtop.equilibrium import discretise
-from mpmtop.gcmma import GCMMA, MMA, UpdateRule
-from mpmtop.optimize import Iterate, optimize
+from mpmtop.optimize import GCMMA, MMA, Iterate, UpdateRule, checkpoint, optimize
 from mpmtop.points import seed
 from mpmtop.problem import DesignProblem, Evaluation
 from mpmtop.scene import PointLoad, Rectangle, Scene, Support
@@ -73,7 +71,7 @@ def run_and_die(problem: DesignProblem, rule: UpdateRule, path: Path, moment: st
                 killed()
             # the next checkpoint is the one it dies of
             name, instead = ("savez", half_written) if "writing" in where else ("replace", killed)
-            setattr(loop.np if name == "savez" else loop.os, name, instead)
+            setattr(checkpoint.np if name == "savez" else checkpoint.os, name, instead)
 
 
 class Survival(NamedTuple):

@@ -10,9 +10,8 @@ from scipy.spatial import KDTree
 
 from mpmtop import problem
 from mpmtop.equilibrium import discretise
-from mpmtop.gcmma import GCMMA, Problem, UpdateRule
 from mpmtop.material import von_mises
-from mpmtop.optimize import Iterate, optimize
+from mpmtop.optimize import GCMMA, Iterate, Problem, UpdateRule, optimize
 from mpmtop.points import MaterialPoints, seed
 from mpmtop.scene import Array, Index, Scene
 from mpmtop.shape_functions import ShapeFunction, bspline2, bspline3, gimp, tent

@@ -15,9 +15,9 @@ import numpy as np
 
 from mpmtop.design import DensityFilter
 from mpmtop.equilibrium import Model, discretise
-from mpmtop.gcmma import GCMMA, initial_state
 from mpmtop.linear_solver import STRESS_TOLERANCE, BandedCholesky, MultigridCG, Solver
 from mpmtop.multigrid import Lattice, Solve
+from mpmtop.optimize import GCMMA, initial_state
 from mpmtop.problem import DesignProblem, Evaluation
 from mpmtop.scene import Array, Compliance, Index, PNormStress
 from validation.methods import MOVE

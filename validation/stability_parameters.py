@@ -9,9 +9,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mpmtop.equilibrium import Model, discretise
-from mpmtop.gcmma import GCMMA, MMA, OptimalityCriteria, SingleStepGCMMA
 from mpmtop.grid import Grid
-from mpmtop.optimize import optimize
+from mpmtop.optimize import GCMMA, MMA, OptimalityCriteria, SingleStepGCMMA, optimize
 from mpmtop.points import MaterialPoints
 from mpmtop.problem import DesignProblem
 from mpmtop.region import Circle, Rectangle

@@ -15,8 +15,17 @@ import meshio
 import numpy as np
 
 from mpmtop import export
-from mpmtop.gcmma import GCMMA, MMA, OptimalityCriteria, SingleStepGCMMA, UpdateRule
-from mpmtop.optimize import CheckpointError, Iterate, load_checkpoint, optimize
+from mpmtop.optimize import (
+    GCMMA,
+    MMA,
+    CheckpointError,
+    Iterate,
+    OptimalityCriteria,
+    SingleStepGCMMA,
+    UpdateRule,
+    load_checkpoint,
+    optimize,
+)
 from mpmtop.problem import DesignProblem, Evaluation
 from mpmtop.scene import Array, NotConverged
 from validation.interruption import AT, MOMENTS, RULES, Survival, design_problem, last_of

@@ -8,9 +8,8 @@ from typing import Literal
 import numpy as np
 
 from mpmtop.equilibrium import discretise, equilibrium
-from mpmtop.gcmma import GCMMA
 from mpmtop.objectives import compliance
-from mpmtop.optimize import optimize
+from mpmtop.optimize import GCMMA, optimize
 from mpmtop.points import MaterialPoints, seed
 from mpmtop.problem import DesignProblem
 from mpmtop.scene import Array, Compliance, Material, PNormStress, PointLoad, Scene

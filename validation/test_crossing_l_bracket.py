@@ -15,7 +15,7 @@ import pytest
 from joblib import Parallel, delayed
 from scipy.spatial import KDTree
 
-from mpmtop.gcmma import GCMMA
+from mpmtop.optimize import GCMMA
 from mpmtop.points import seed
 from mpmtop.scene import Array
 from reference_fem.reanalyse import Judge, build_judge, judge_stress

@@ -21,8 +21,7 @@ import pandas as pd
 import pytest
 from joblib import Parallel, delayed
 
-from mpmtop.gcmma import GCMMA, MMA, SingleStepGCMMA, UpdateRule
-from mpmtop.optimize import optimize
+from mpmtop.optimize import GCMMA, MMA, SingleStepGCMMA, UpdateRule, optimize
 from mpmtop.scene import Array, Compliance
 from reference_fem.reanalyse import Judge, build_judge, judge_stress
 from validation import paper

@@ -21,8 +21,7 @@ import pytest
 from mpmtop import equilibrium as equilibria
 from mpmtop import objectives
 from mpmtop.equilibrium import discretise
-from mpmtop.gcmma import GCMMA
-from mpmtop.optimize import optimize
+from mpmtop.optimize import GCMMA, optimize
 from mpmtop.points import seed
 from mpmtop.problem import DesignProblem
 from mpmtop.scene import Array, Scene

@@ -7,9 +7,8 @@ from typing import Any
 import numpy as np
 
 from mpmtop.equilibrium import equilibrium
-from mpmtop.gcmma import Problem
 from mpmtop.material import simp
-from mpmtop.optimize import optimize
+from mpmtop.optimize import Problem, optimize
 from mpmtop.points import seed
 from mpmtop.scene import Array, Rectangle, RegionLoad, Scene
 from mpmtop.shape_functions import ShapeFunction

@@ -3,7 +3,7 @@
     minimise f~_0(r) + sum_i c y_i + y_i^2 / 2  subject to  f~_i(r) <= y_i, y_i >= 0, r_min <= r <= r_max,
     f~_i(r) = f_i + sum_j p_ij (r_j - 1) + q_ij (1 / r_j - 1)
 
-See `gcmma` for what p, q and r are. One constraint: the dual has one variable, found by safeguarded Newton. More: a
+See `mma` for what p, q and r are. One constraint: the dual has one variable, found by safeguarded Newton. More: a
 primal-dual interior point method.
 """
 

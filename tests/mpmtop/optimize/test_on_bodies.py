@@ -7,8 +7,16 @@ import numpy as np
 import pytest
 
 from mpmtop.equilibrium import discretise
-from mpmtop.gcmma import GCMMA, MMA, OptimalityCriteria, SingleStepGCMMA, UpdateRule
-from mpmtop.optimize import CheckpointError, design_change, optimize
+from mpmtop.optimize import (
+    GCMMA,
+    MMA,
+    CheckpointError,
+    OptimalityCriteria,
+    SingleStepGCMMA,
+    UpdateRule,
+    design_change,
+    optimize,
+)
 from mpmtop.problem import DesignProblem
 from mpmtop.scene import Material, PointLoad, Rectangle, Scene, Support
 from reference_fem.simp import design_problem

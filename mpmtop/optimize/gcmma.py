@@ -1,0 +1,79 @@
+"""Globally convergent MMA, with its inner loop and without: see `mma` for the approximation and the sources."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mpmtop.optimize.mma import advance, approximate, step_once
+from mpmtop.optimize.protocols import E, Problem, State
+from mpmtop.optimize.state import check_move, scaled_functions, scaled_values, variable_range
+from mpmtop.optimize.subproblem import SMALLEST, approximation, solve_subproblem
+from mpmtop.scene import Array
+
+LEAST_CURVATURE = 1e-6
+# A function counts as conservatively approximated if it exceeds f~ by less than this, relative to the objective and to
+# max(1, |g|): far above the rounding of a direct solve (1e-12), far below any stopping tolerance (1e-4).
+CONSERVATIVE_TOL = 1e-9
+
+
+@dataclass(frozen=True)
+class SingleStepGCMMA:
+    """GCMMA without its inner loop: rho_i = max(1e-6, 0.1/n sum_j |df_ij| range_j), one solve an iteration."""
+
+    move: float = 0.3
+
+    def __post_init__(self) -> None:
+        check_move(self.move)
+
+    def step(self, problem: Problem[E], state: State, evaluation: E, df0: Array, dg: Array) -> tuple[State, E, int]:
+        """Next state, its evaluation and the solves spent (1); NotConverged if a value is not finite."""
+        f, df = scaled_functions(state, evaluation, df0, dg)
+        return step_once(problem, state, f, df, _start_curvature(problem, df), self.move)
+
+
+@dataclass(frozen=True)
+class GCMMA:
+    """Globally convergent MMA: a design is accepted once f~_i >= f_i there for every i.
+
+    So the objective cannot rise from a feasible design. Until then rho_i <- min(1.1 (rho_i + delta_i), 10 rho_i) where
+    f~_i fell short, delta_i = (f_i - f~_i) / (d f~_i / d rho_i). After `max_inner` solves the last, most cautious
+    design is taken. `warm_start` begins at half the last accepted curvature, not at `SingleStepGCMMA`'s.
+    """
+
+    move: float = 0.3
+    warm_start: bool = False
+    max_inner: int = 15
+
+    def __post_init__(self) -> None:
+        check_move(self.move)
+        if self.max_inner < 1:
+            raise ValueError(f"max_inner {self.max_inner}: allow at least one solve")
+
+    def step(self, problem: Problem[E], state: State, evaluation: E, df0: Array, dg: Array) -> tuple[State, E, int]:
+        """Next state, its evaluation and the solves spent (1 to max_inner); NotConverged if a value is not finite."""
+        f, df = scaled_functions(state, evaluation, df0, dg)
+        rho = _start_curvature(problem, df)
+        if self.warm_start and state.iteration > 0:
+            rho = np.maximum(LEAST_CURVATURE, 0.5 * state.curvature)
+        solves = 0
+        while True:
+            sub = approximate(problem, state, f, df, rho, self.move)
+            r = solve_subproblem(sub)
+            new_state = advance(problem, state, sub, r, rho)
+            new = problem.evaluate(new_state.x)
+            solves += 1
+            f_new = scaled_values(new_state, new)
+            size = np.abs(f_new)
+            size[1:] = np.maximum(size[1:], 1)
+            shortfall = f_new - approximation(sub, r)
+            short = shortfall > CONSERVATIVE_TOL * size
+            if solves == self.max_inner or not np.any(short):
+                return new_state, new, solves
+            growth = 0.5 * np.sum(sub.sigma / variable_range(problem) * (r - 1) ** 2 / r)  # d f~ / d rho
+            delta = np.maximum(shortfall, 0) / max(growth, SMALLEST)
+            rho = np.where(short, np.minimum(1.1 * (rho + delta), 10 * rho), rho)
+
+
+def _start_curvature(problem: Problem[E], df: Array) -> Array:
+    """Svanberg's first rho (m+1,)."""
+    return np.maximum(LEAST_CURVATURE, 0.1 / df.shape[1] * (np.abs(df) @ (problem.upper - problem.lower)))

@@ -1,0 +1,71 @@
+"""What an optimisation is made of: a problem, what one analysis yields, the memory of a rule, and the rule."""
+
+from dataclasses import dataclass
+from typing import Protocol, TypeVar
+
+from mpmtop.scene import Array
+
+
+class Evaluation(Protocol):
+    """What one analysis of a design yields."""
+
+    @property
+    def objective(self) -> float:
+        """f_0."""
+
+    @property
+    def constraints(self) -> Array:
+        """g (m,), feasible where g <= 0."""
+
+
+E = TypeVar("E", bound=Evaluation)
+
+
+class Problem(Protocol[E]):
+    """What is optimised; E is the problem's own kind of evaluation."""
+
+    @property
+    def x0(self) -> Array:
+        """Start (n,)."""
+
+    @property
+    def lower(self) -> Array:
+        """Lower bounds (n,)."""
+
+    @property
+    def upper(self) -> Array:
+        """Upper bounds (n,)."""
+
+    @property
+    def fingerprint(self) -> str:
+        """A hash, or a repr, of all that decides the numbers: tells problems apart when a run is resumed."""
+
+    def evaluate(self, x: Array) -> E:
+        """One analysis of the design x (n,): one solve."""
+
+    def gradient(self, evaluation: E) -> tuple[Array, Array]:
+        """Derivatives df0 (n,) and dg (m, n) at the evaluated design."""
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """All an update rule remembers: the last three designs and asymptotes, each (n,), and the curvature rho (m+1,).
+
+    `iteration` counts updates; `scale` = 1 / |f_0(x_0)| multiplies the objective.
+    """
+
+    x: Array
+    x_old: Array
+    x_older: Array
+    low: Array
+    upp: Array
+    curvature: Array
+    iteration: int
+    scale: float
+
+
+class UpdateRule(Protocol):
+    """How the next design is found."""
+
+    def step(self, problem: Problem[E], state: State, evaluation: E, df0: Array, dg: Array) -> tuple[State, E, int]:
+        """Next state, its evaluation and the solves spent, from an evaluated state and its derivatives."""
