@@ -13,13 +13,10 @@ from scipy.sparse.csgraph import connected_components
 from mpmtop.b_bar import with_mean_dilatation
 from mpmtop.ghost import GhostPenalty, ghost_penalty
 from mpmtop.grid import Grid
-from mpmtop.linear_solver import STRESS_TOLERANCE, SingularMatrix, Solve, Solver, choose_solver
 from mpmtop.material import tangent
-from mpmtop.multigrid import Lattice
 from mpmtop.points import MaterialPoints, seed
 from mpmtop.scene import (
     Array,
-    Index,
     InvalidScene,
     LoadOutsideBody,
     Mask,
@@ -30,6 +27,7 @@ from mpmtop.scene import (
     UnsupportedBody,
 )
 from mpmtop.shape_functions import ShapeFunction, tent
+from mpmtop.solvers import STRESS_TOLERANCE, Lattice, Pattern, SingularMatrix, Solve, Solver, choose_solver
 from mpmtop.stiffness import Stiffness, stiffness
 from mpmtop.transfer import Transfer, transfer, weights
 
@@ -86,7 +84,7 @@ def discretise(
     grid: Grid | None = None,
     ghost: float = 0.0,
     b_bar: bool = False,
-    solver: Callable[[int, Index, Index, Lattice], Solver] | None = None,
+    solver: Callable[[Pattern], Solver] | None = None,
 ) -> Model:
     """Discretise `scene` by cells of size h (hx, hy) with ppc (nx, ny) points per cell and direction.
 
@@ -130,7 +128,7 @@ def discretise(
     if solver is None:
         of_stress = isinstance(scene.objective, PNormStress)
         solver = partial(choose_solver, tolerance=STRESS_TOLERANCE) if of_stress else choose_solver
-    chosen = solver(len(K.dof), K.row, K.col, Lattice(grid.h, lines, component))
+    chosen = solver(Pattern(len(K.dof), K.row, K.col, Lattice(grid.h, lines, component)))
     return Model(scene, grid, points, shape_function, operators, D, f_ext, penalty, K, chosen)
 
 

@@ -1,6 +1,7 @@
 """B-bar: what is averaged and what is not, one operator for strains, stiffness and gradients, and Hughes' element."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -9,11 +10,11 @@ from skfem import BilinearForm, CellBasis, ElementQuad1, ElementVector, MeshQuad
 from skfem.helpers import ddot, div, sym_grad
 
 from mpmtop.equilibrium import Model, discretise, equilibrium
-from mpmtop.linear_solver import MultigridCG
 from mpmtop.points import MaterialPoints, seed, to_gauss_points
 from mpmtop.problem import DesignProblem
 from mpmtop.scene import Array, Compliance, Material, PNormStress
 from mpmtop.shape_functions import ShapeFunction, bspline2, gimp, tent
+from mpmtop.solvers import MultigridCG
 from mpmtop.stiffness import CellMap
 from tests.scenes import SHAPE_FUNCTIONS, cantilever
 from validation import locking
@@ -181,7 +182,7 @@ def test_iterative_solver(shape_function: ShapeFunction) -> None:
     scene = cantilever(24, 12)
     u = []
     for solver in (None, MultigridCG):
-        chosen = {} if solver is None else {"solver": lambda *k: MultigridCG(*k, coarsest=2_000)}
+        chosen = {} if solver is None else {"solver": partial(MultigridCG, coarsest=2_000)}
         model = discretise(scene, 1.0, shape_function=shape_function, b_bar=True, **chosen)
         u.append(equilibrium(model, np.ones(len(model.points.x))).u)
     np.testing.assert_allclose(u[1], u[0], rtol=0, atol=1e-5 * np.abs(u[0]).max())  # tolerance 1e-6, of the residual

@@ -8,7 +8,6 @@ import pytest
 
 from mpmtop.equilibrium import Model, Solution, checked_solve, discretise, equilibrium
 from mpmtop.grid import Grid
-from mpmtop.linear_solver import BandedCholesky, Solve, SuperLU
 from mpmtop.objectives import compliance, compliance_gradient
 from mpmtop.points import MaterialPoints, to_gauss_points
 from mpmtop.scene import (
@@ -23,6 +22,7 @@ from mpmtop.scene import (
     UnsupportedBody,
 )
 from mpmtop.shape_functions import ShapeFunction, gimp, tent
+from mpmtop.solvers import BandedCholesky, Solve, SuperLU
 from tests.scenes import LEFT_CLAMP, SHAPE_FUNCTIONS, cantilever
 from validation.extended import full_stiffness
 

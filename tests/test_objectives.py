@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from mpmtop.equilibrium import discretise, equilibrium
-from mpmtop.linear_solver import BandedCholesky, MultigridCG
 from mpmtop.material import von_mises, von_mises_form
 from mpmtop.objectives import p_norm_stress, p_norm_stress_gradient
 from mpmtop.problem import DesignProblem
@@ -24,6 +23,7 @@ from mpmtop.scene import (
     Support,
 )
 from mpmtop.shape_functions import ShapeFunction, tent
+from mpmtop.solvers import BandedCholesky, MultigridCG
 from tests.scenes import LEFT_CLAMP, SHAPE_FUNCTIONS, cantilever
 
 ALL = pytest.mark.parametrize("shape_function", SHAPE_FUNCTIONS, ids=lambda f: f.__name__)

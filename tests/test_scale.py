@@ -5,11 +5,11 @@ import pytest
 
 from mpmtop.design import DesignSpace, density_filter, passive_filter
 from mpmtop.equilibrium import Model, discretise
-from mpmtop.linear_solver import MultigridCG
 from mpmtop.points import MaterialPoints, seed
 from mpmtop.problem import DesignProblem, plan
 from mpmtop.region import Circle, Difference, Rectangle
 from mpmtop.shape_functions import ShapeFunction, bspline2, gimp, tent
+from mpmtop.solvers import MultigridCG
 from mpmtop.stiffness import CellMap
 from tests.scenes import SHAPE_FUNCTIONS, cantilever
 

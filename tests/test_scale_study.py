@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mpmtop.linear_solver import STRESS_TOLERANCE, MultigridCG
 from mpmtop.problem import DesignProblem
+from mpmtop.solvers import STRESS_TOLERANCE, MultigridCG
 from validation.scale import (
     OBJECTIVES,
     PHASES,
@@ -54,7 +54,7 @@ def test_exponents() -> None:
 
 
 def test_the_solver_is_held_to_what_the_objective_sees(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("mpmtop.linear_solver.MULTIGRID_FROM", 0)
+    monkeypatch.setattr("mpmtop.solvers.MULTIGRID_FROM", 0)
     compliance, p_norm = (model_of(40, objective).solver for objective in OBJECTIVES)
     assert isinstance(compliance, MultigridCG)
     assert isinstance(p_norm, MultigridCG)

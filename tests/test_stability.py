@@ -15,10 +15,9 @@ import scipy.sparse as sp
 
 from mpmtop import equilibrium as library
 from mpmtop.equilibrium import Equilibrium, Model, equilibrium
-from mpmtop.linear_solver import BandedCholesky
-from mpmtop.multigrid import Solve
 from mpmtop.optimize import CheckpointError, optimize
 from mpmtop.scene import Array, Mask, NotConverged, PointLoad, UnsupportedBody
+from mpmtop.solvers import BandedCholesky, Solve
 from mpmtop.transfer import Transfer
 from validation import interruption, stability, stability_cases
 from validation.extended import Undetermined, condition, extended, full_stiffness, pseudo_compliance
@@ -358,7 +357,7 @@ def test_solvers_that_differ_are_found(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_multigrid_that_gives_up_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
     """Without a step of conjugate gradients there is nothing to compare, and no reason for it."""
-    monkeypatch.setattr("mpmtop.linear_solver.MAX_ITERATIONS", 0)
+    monkeypatch.setattr("mpmtop.solvers.multigrid_cg.MAX_ITERATIONS", 0)
     assert outcome(beam_analysis().twice).what.startswith("Wrong: false alarm")
 
 

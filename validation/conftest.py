@@ -41,7 +41,7 @@ Item = TypeVar("Item")
 LONGEST = ("l_bracket", "stability", "multi_resolution", "hole", "work_precision")
 """Studies that start first, so that processes beside each other end at about the same time."""
 SHOWN_AFTER = 2.0  # [s] an iteration shorter than this needs no progress line
-PACKAGES = ("mpmtop", "numpy", "scipy", "scikit-fem", "meshio", "pandas", "matplotlib", "pytest", "pypardiso")
+PACKAGES = ("mpmtop", "numpy", "scipy", "scikit-fem", "meshio", "pandas", "matplotlib", "pytest")
 
 
 @dataclass

@@ -15,11 +15,11 @@ from skfem import CellBasis, LinearForm
 from skfem.helpers import dot
 
 from mpmtop.grid import Grid
-from mpmtop.linear_solver import choose_solver
 from mpmtop.material import tangent
 from mpmtop.points import MaterialPoints, seed
 from mpmtop.scene import Array, Difference, Index, Material, PointLoad, Rectangle, Region, Scene, Support
 from mpmtop.shape_functions import ShapeFunction, bspline2, bspline3
+from mpmtop.solvers import Pattern, choose_solver
 from mpmtop.transfer import Transfer, transfer
 from reference_fem.elasticity import FemModel, fem_model, inverse_stiffness
 from reference_fem.mesh import lattice, vector_basis
@@ -127,7 +127,7 @@ def held_analysis(inside: Index, u: Array, f: Array, B: sp.csr_array, VDB: sp.cs
     K = sp.tril(B[:, inside].T @ VDB[:, inside], format="csc")
     K.sort_indices()
     column = np.repeat(np.arange(len(inside)), np.diff(K.indptr))
-    solve = choose_solver(len(inside), K.indices.astype(np.intp), column).factor(K.data)
+    solve = choose_solver(Pattern(len(inside), K.indices.astype(np.intp), column)).factor(K.data)
     g = u.copy()
     g[inside] = 0
     g[inside] = solve((f - B.T @ (VDB @ g))[inside])

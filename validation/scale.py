@@ -15,16 +15,15 @@ import numpy as np
 
 from mpmtop.design import DensityFilter
 from mpmtop.equilibrium import Model, discretise
-from mpmtop.linear_solver import STRESS_TOLERANCE, BandedCholesky, MultigridCG, Solver
-from mpmtop.multigrid import Lattice, Solve
 from mpmtop.optimize import GCMMA, initial_state
 from mpmtop.problem import DesignProblem, Evaluation
-from mpmtop.scene import Array, Compliance, Index, PNormStress
+from mpmtop.scene import Array, Compliance, PNormStress
+from mpmtop.solvers import STRESS_TOLERANCE, BandedCholesky, MultigridCG, Pattern, Solve, Solver
 from validation.methods import MOVE
 from validation.scenes import SPACING, H, cantilever
 from validation.timing import cpu_seconds, in_own_process
 
-ChosenBy = Callable[[int, Index, Index, Lattice], Solver]
+ChosenBy = Callable[[Pattern], Solver]
 
 OBJECTIVES = {"compliance": Compliance(), "p-norm": PNormStress(12, 0.5)}
 MOVES = {"compliance": MOVE, "p-norm": 0.05}

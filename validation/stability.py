@@ -24,9 +24,9 @@ import pandas as pd
 
 import mpmtop
 from mpmtop.equilibrium import Equilibrium, Model, equilibrium
-from mpmtop.linear_solver import BandedCholesky, MultigridCG
 from mpmtop.objectives import compliance, compliance_gradient, p_norm_stress, p_norm_stress_gradient
 from mpmtop.scene import Array, NotConverged, PNormStress, UnsupportedBody
+from mpmtop.solvers import BandedCholesky, MultigridCG
 from validation.extended import Undetermined, condition, extended, pseudo_compliance
 from validation.stability_reference import Quantities, objectives
 
@@ -85,7 +85,7 @@ class Case(NamedTuple):
 
 UNSEEN = "mechanism that the load does not move, multigrid"
 SOFT = "displacement of a piece that hangs on void alone, multigrid"
-"""Limits: see `mpmtop.linear_solver.MultigridCG`."""
+"""Limits: see `mpmtop.solvers.MultigridCG`."""
 
 
 class Outcome(NamedTuple):
@@ -250,7 +250,7 @@ def direct(model: Model) -> Model:
     solver = model.solver
     if not isinstance(solver, MultigridCG):
         return model
-    return replace(model, solver=BandedCholesky(solver.m, solver.row, solver.col))
+    return replace(model, solver=BandedCholesky(solver.pattern))
 
 
 def refused(make: Callable[[], object]) -> Finding:

@@ -15,8 +15,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from mpmtop.linear_solver import MULTIGRID_FROM, BandedCholesky, MultigridCG
 from mpmtop.scene import Array
+from mpmtop.solvers import MULTIGRID_FROM, BandedCholesky, MultigridCG
 from validation.conftest import ShowProgress
 from validation.report import Report
 from validation.scale import (

@@ -27,10 +27,9 @@ import pandas as pd
 import pytest
 
 from mpmtop.equilibrium import Model, equilibrium
-from mpmtop.linear_solver import Solver
-from mpmtop.multigrid import Solve
 from mpmtop.objectives import compliance
 from mpmtop.scene import Array, NotConverged, UnsupportedBody
+from mpmtop.solvers import Solve, Solver
 from validation.conftest import Lock
 from validation.extended import condition, plain_condition
 from validation.interruption import AFTER

@@ -5,8 +5,8 @@ from functools import partial
 import numpy as np
 import pandas as pd
 
-from mpmtop.linear_solver import SingularMatrix
 from mpmtop.scene import NotConverged, UnsupportedBody
+from mpmtop.solvers import SingularMatrix
 from validation.conftest import ShowProgress
 from validation.crossing import Crossing, Uniform
 from validation.methods import SHAPE_FUNCTIONS

@@ -5,17 +5,17 @@ from functools import cache, partial
 import numpy as np
 import pytest
 
-from mpmtop import multigrid
 from mpmtop.equilibrium import Equilibrium, Model, discretise, equilibrium
-from mpmtop.linear_solver import BandedCholesky, MultigridCG, SuperLU, choose_solver
 from mpmtop.material import simp
-from mpmtop.multigrid import Blocks, Lattice, assembled, coarsening, places, v_cycle
 from mpmtop.objectives import compliance, compliance_gradient
 from mpmtop.optimize import MMA, optimize
 from mpmtop.problem import DesignProblem
 from mpmtop.region import Circle, Difference, Rectangle
 from mpmtop.scene import Array, Material, NotConverged, Support, UnsupportedBody
 from mpmtop.shape_functions import bspline2, bspline3, gimp
+from mpmtop.solvers import BandedCholesky, Lattice, MultigridCG, Pattern, SuperLU, choose_solver, multigrid
+from mpmtop.solvers.multigrid import coarsening, v_cycle
+from mpmtop.solvers.stencil import Blocks, assembled, places
 from tests.scenes import LEFT_CLAMP, cantilever
 
 DEEP = partial(MultigridCG, coarsest=2_000)
@@ -59,7 +59,7 @@ def members(model: Model, contrast: float) -> Array:
 def operator(model: Model, moduli: Array) -> tuple[Blocks, Lattice]:
     solver = model.solver
     assert isinstance(solver, MultigridCG)
-    at = places(solver.lattice, solver.row, solver.col)
+    at = places(solver.lattice, solver.pattern.row, solver.pattern.col)
     return assembled(at, model.stiffness.data(moduli)), solver.lattice
 
 
@@ -205,7 +205,7 @@ def test_cells_at_random() -> None:
 
 def test_too_hard_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     """The message names the way out."""
-    monkeypatch.setattr("mpmtop.linear_solver.MAX_ITERATIONS", 3)
+    monkeypatch.setattr("mpmtop.solvers.multigrid_cg.MAX_ITERATIONS", 3)
     with pytest.raises(NotConverged, match="solver=SuperLU"):
         equilibrium(model_of("tent", DEEP), np.ones(3200))
 
@@ -213,7 +213,7 @@ def test_too_hard_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_choice_by_size() -> None:
     row = col = np.arange(3)
     lattice = Lattice((1.0, 1.0), np.zeros((3, 2), int), np.zeros(3, int))
-    assert isinstance(choose_solver(79_999, row, col, lattice), BandedCholesky)
-    assert isinstance(choose_solver(80_000, row, col, lattice), MultigridCG)
-    assert isinstance(choose_solver(80_000, row, col), BandedCholesky)  # on no lattice
+    assert isinstance(choose_solver(Pattern(79_999, row, col, lattice)), BandedCholesky)
+    assert isinstance(choose_solver(Pattern(80_000, row, col, lattice)), MultigridCG)
+    assert isinstance(choose_solver(Pattern(80_000, row, col)), BandedCholesky)  # on no lattice
     assert isinstance(discretise(cantilever(), 1.0, solver=SuperLU).solver, SuperLU)
