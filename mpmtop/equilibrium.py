@@ -15,6 +15,7 @@ from mpmtop.ghost import GhostPenalty, ghost_penalty
 from mpmtop.grid import Grid
 from mpmtop.material import tangent
 from mpmtop.points import MaterialPoints, seed
+from mpmtop.region import divisions
 from mpmtop.scene import (
     Array,
     InvalidScene,
@@ -99,12 +100,14 @@ def discretise(
     ties them: take quantities of interest at points, not at nodes.
     """
     hx, hy = (float(s) for s in np.broadcast_to(h, 2))
+    lower, upper = scene.domain.bounds
     if points is None:
         nx, ny = np.broadcast_to(ppc, 2)
         if min(nx, ny) < 1 or not np.issubdtype(nx.dtype, np.integer):
             raise ValueError(f"{ppc} points per cell: give at least one in each direction, a whole number")
         points = seed(scene.domain, (hx / nx, hy / ny))
-    lower, upper = scene.domain.bounds
+        # the lattice took the exact division of the sides; a grid of another pitch would drift through the points
+        hx, hy = (upper - lower) * (nx, ny) / divisions("spacing", (lower, upper), (hx / nx, hy / ny))
     if grid is None:
         outside = np.maximum([lower - points.x.min(axis=0), points.x.max(axis=0) - upper], 0) / (hx, hy)
         grid = Grid.around(lower, upper, (hx, hy), margin=2 + int(np.ceil(outside.max())))

@@ -4,7 +4,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mpmtop.scene import Array, EmptyDomain, InvalidScene, Region
+from mpmtop.region import divisions
+from mpmtop.scene import Array, EmptyDomain, Region
 
 GAUSS_2 = 1 / np.sqrt(3)
 """Abscissae of the two-point Gauss rule are -+GAUSS_2 on [-1, 1]."""
@@ -42,24 +43,17 @@ def seed(region: Region, spacing: tuple[float, float]) -> MaterialPoints:
     """Points at the centres of a lattice of the given spacing (x, y) over the region's bounding box.
 
     Centres outside the region are left out. Each point owns its lattice rectangle. The spacing must divide the box:
-    points that drift through the cells of the grid would be another discretisation than the one asked for.
+    points that drift through the cells of the grid would be another discretisation than the one asked for. Raises
+    InvalidScene and EmptyDomain.
     """
-    spacing = (float(spacing[0]), float(spacing[1]))
-    if not (np.all(np.isfinite(spacing)) and min(spacing) > 0):
-        raise ValueError(f"point spacing {spacing}: give finite, positive cell sizes and at least one point per cell")
     lower, upper = region.bounds
-    counts = np.maximum(np.rint((upper - lower) / spacing).astype(int), 1)
-    if not np.allclose(counts * spacing, upper - lower, rtol=1e-9, atol=0):
-        raise InvalidScene(
-            f"point spacing {spacing} does not divide the domain's sides {upper - lower}: choose h and points per cell "
-            "so that it does"
-        )
+    counts = divisions("point spacing, which is h over the points per cell,", region.bounds, spacing)
     step = (upper - lower) / counts
     axes = [a + s * (np.arange(n) + 0.5) for a, s, n in zip(lower, step, counts, strict=True)]
     x = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
     x = x[region.contains(x)]
     if len(x) == 0:
-        raise EmptyDomain(f"no point of a lattice of spacing {spacing} lies in the domain: refine it")
+        raise EmptyDomain(f"no point of a lattice of spacing {step.tolist()} lies in the domain: refine it")
     p = len(x)
     return MaterialPoints(x, np.full(p, step.prod()), np.tile(step / 2, (p, 1)))
 

@@ -13,7 +13,7 @@ from mpmtop.equilibrium import Equilibrium, Model, equilibrium
 from mpmtop.material import simp
 from mpmtop.objectives import Objective, objective
 from mpmtop.points import MaterialPoints
-from mpmtop.scene import Array, InvalidScene, LoadOutsideBody, PointLoad
+from mpmtop.scene import Array, InvalidScene, LoadOutsideBody, PointLoad, physical_densities
 from mpmtop.stiffness import CellMap
 
 
@@ -144,13 +144,7 @@ class DesignProblem:
     def analyse(self, rho: Array) -> Evaluation:
         """Evaluate physical densities rho (p,) in [0, 1], of whatever origin, at passive points, too: one solve."""
         scene = self.model.scene
-        p = len(self.model.points.volume)
-        if np.shape(rho) != (p,):
-            raise ValueError(f"densities of shape {np.shape(rho)} for {p} points: give one for each point")
-        if not np.all((rho >= -1e-9) & (rho <= 1 + 1e-9)):  # a filter's rounding passes; NaN does not
-            raise ValueError("densities outside 0 to 1: give physical densities")
-        rho = np.clip(rho, 0, 1)
-        rho.flags.writeable = False  # the gradient is taken from it later
+        rho = physical_densities(rho, len(self.model.points.volume), "points")
         moduli = scene.material.young * simp(rho, scene.penal, scene.contrast)[0]
         state = equilibrium(self.model, moduli)
         constraints = np.array([self._volume_weight @ rho - 1])

@@ -20,6 +20,27 @@ class InvalidScene(ValueError):
     """A number of the scene is outside its admissible range; the message says which and what to change."""
 
 
+DIVIDES = 1e-6
+"""Of a side: a length typed to seven digits (0.1428571) divides it. The lattice then takes the exact one."""
+
+
+def divisions(what: str, bounds: tuple[Array, Array], size: tuple[float, float] | Array) -> Index:
+    """How many lengths `size` (x, y) make up the sides of a box, (2,): the lattice of either solver.
+
+    Raises InvalidScene, which names `what`, if they are not finite and positive or do not divide the sides.
+    """
+    sides, size = bounds[1] - bounds[0], np.asarray(size, float)
+    if not (np.all(np.isfinite(size)) and np.all(size > 0)):
+        raise InvalidScene(f"{what} {size.tolist()}: give finite, positive lengths")
+    count = np.maximum(np.rint(sides / size), 1)
+    if not np.all(np.abs(count * size - sides) <= DIVIDES * sides):  # also catches an infinite box
+        raise InvalidScene(
+            f"{what} {size.tolist()} does not divide the domain's sides {sides.tolist()}: the nearest that does is "
+            f"{(sides / count).tolist()}"
+        )
+    return count.astype(np.intp)
+
+
 def finite_pair(what: str, value: tuple[float, float]) -> tuple[float, float]:
     """The two numbers of `value` as floats; InvalidScene, which names `what`, if it is not two finite numbers."""
     if np.shape(value) != (2,) or not np.all(np.isfinite(value)):

@@ -240,3 +240,21 @@ class Scene:
             raise InvalidScene(f"modulus contrast {self.contrast}: give a number from 0 to below 1")
         if not 1 <= self.penal < np.inf:
             raise InvalidScene(f"penalty {self.penal}: give a finite number of at least 1")
+
+
+DENSITY_ROUNDING = 1e-9  # what a filter's sums may leave outside 0 to 1; no density of a design is that small
+
+
+def physical_densities(rho: Array, count: int, of: str) -> Array:
+    """Densities rho (count,) of points or elements, as `of` says, without their rounding: in [0, 1], read-only.
+
+    A power of -1e-12 is NaN, and a gradient is taken from them later. Raises ValueError for another shape, NaN or
+    densities outside 0 to 1 by more than rounding.
+    """
+    if np.shape(rho) != (count,):
+        raise ValueError(f"densities of shape {np.shape(rho)} for {count} {of}: give one for each")
+    if not np.all((rho >= -DENSITY_ROUNDING) & (rho <= 1 + DENSITY_ROUNDING)):  # NaN is neither
+        raise ValueError("densities outside 0 to 1: give physical densities")
+    rho = np.clip(rho, 0.0, 1.0)
+    rho.flags.writeable = False
+    return rho

@@ -60,8 +60,10 @@ def locate_in_lattice(basis: CellBasis, x: Array) -> tuple[Index, Array]:
     distance, cell = cKDTree(element_centres(basis.mesh) / sides.min(axis=0)).query(x / sides.min(axis=0), p=np.inf)
     _check_inside(x, distance <= 0.5 + GEOMETRY_TOLERANCE)
     corner, along, _, across = np.moveaxis(basis.mesh.p[:, basis.mesh.t[:, cell]], 0, -1)  # each (k, 2)
-    axes = np.stack([along - corner, across - corner], axis=-1)  # scikit-fem's first axis need not be x
-    return cell, np.linalg.solve(axes, (x - corner)[:, :, None])[:, :, 0].T
+    # scikit-fem's first axis need not be x; by projection, as each is along x or y, and not by LAPACK: a last bit of
+    # the load would make another fingerprint
+    axes = np.stack([along - corner, across - corner])  # (2, k, 2)
+    return cell, np.sum(axes * (x - corner), axis=-1) / np.sum(axes**2, axis=-1)
 
 
 def locate_in_mesh(basis: CellBasis, x: Array) -> tuple[Index, Array]:

@@ -37,6 +37,12 @@ def design_space(scene: Scene, centres: Array, area: Array, filter_passive: bool
         np.zeros(len(centres), bool) if region is None else region.contains(centres)
         for region in (scene.passive_solid, scene.passive_void)
     )
+    for name, region, held in (
+        ("passive_solid", scene.passive_solid, solid),
+        ("passive_void", scene.passive_void, void),
+    ):
+        if region is not None and not held.any():
+            raise InvalidScene(f"{name} holds no element's centre: enlarge it, or use smaller elements")
     both = solid & void
     if both.any():
         raise InvalidScene(

@@ -11,10 +11,10 @@ import numpy as np
 import scipy.sparse as sp
 from skfem import CellBasis, MeshQuad
 from skfem.helpers import sym_grad
-from skfem.models.elasticity import lame_parameters, linear_elasticity, linear_stress, plane_stress
+from skfem.models.elasticity import linear_elasticity, linear_stress
 from skfem.quadrature import get_quadrature
 
-from mpmtop.scene import Array, Index, InvalidScene, Material, NotConverged, Scene
+from mpmtop.scene import Array, Index, InvalidScene, LoadOutsideBody, Material, NotConverged, Scene
 from reference_fem.boundary import held_dofs, locate_in_lattice, locate_in_mesh, nodal_forces
 from reference_fem.factorise import Factorise, Solve, choose_elimination, minimum_degree_superlu
 from reference_fem.mesh import (
@@ -34,6 +34,7 @@ Eliminate = Callable[[CellBasis, Index], tuple[Index, Factorise]]  # free dofs (
 # densities drawn at random, whose void of modulus 1e-9 carries load, 1e-9 at 410,000 dofs, and refinement in double
 # precision does not lower it. |r| / |f| would read ten times that and say nothing about f.u.
 ENERGY_TOLERANCE = 1e-7
+LOAD_ROUNDING = 1e-14  # of the sum of the forces: what is left at a node where they cancel
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,8 +99,14 @@ def discretise(
     basis = vector_basis(mesh, order)
     centres, tol = element_centres(mesh), GEOMETRY_TOLERANCE * shortest_side(mesh)
     positions, forces = zip(*(load.act(centres, tol) for load in scene.loads), strict=True)
-    f_ext = nodal_forces(basis, np.concatenate(positions), np.concatenate(forces), locate)
-    return fem_model(scene, basis, f_ext, eliminate)
+    force = np.concatenate(forces)
+    model = fem_model(scene, basis, nodal_forces(basis, np.concatenate(positions), force, locate), eliminate)
+    if not np.any(np.abs(model.f_ext[model.free]) > LOAD_ROUNDING * np.abs(force).sum()):
+        raise LoadOutsideBody(
+            "the loads act on held nodes only, are zero or cancel each other, and do no work: move them away from the "
+            "supports, or change their forces"
+        )
+    return model
 
 
 def lattice_elimination(basis: CellBasis, free: Index) -> tuple[Index, Factorise]:
@@ -166,8 +173,14 @@ def unit_stiffness(basis: CellBasis, material: Material) -> tuple[Array, Index]:
 
 
 def _lame(material: Material) -> tuple[float, float]:
-    """Lamé parameters at unit modulus; in plane stress those of the reduced two-dimensional law."""
-    return (lame_parameters if material.plane == "strain" else plane_stress)(1.0, material.poisson)
+    """Lamé parameters (lambda, mu) at unit modulus, mu = 1 / (2 (1 + nu)).
+
+    lambda = nu / ((1 + nu)(1 - 2 nu)) in plane strain; in plane stress, sigma_zz = 0 leaves the law of the plane with
+    2 lambda mu / (lambda + 2 mu) = nu / (1 - nu^2) in its place.
+    """
+    nu = material.poisson
+    lam = nu / ((1 + nu) * (1 - 2 * nu)) if material.plane == "strain" else nu / (1 - nu**2)
+    return lam, 1 / (2 * (1 + nu))
 
 
 def _stiffness_map(dofs: Index, matrices: Array, n: int) -> StiffnessMap:

@@ -3,6 +3,7 @@
 import numpy as np
 from skfem import CellBasis, ElementQuad1, ElementQuad2, ElementVector, MeshQuad
 
+from mpmtop.region import divisions
 from mpmtop.scene import Array, EmptyDomain, InvalidScene, Scene
 
 GEOMETRY_TOLERANCE = 1e-9  # of the element size: far above rounding, far below any feature
@@ -11,12 +12,7 @@ ELEMENT_CENTRE = np.array([[0.5], [0.5]])  # reference coordinates (2, 1)
 
 def lattice(bounds: tuple[Array, Array], size: Array) -> MeshQuad:
     """Quads of side `size` (2,) tiling a box from its lower to its upper corner, numbered along y first."""
-    lower, upper = bounds
-    if not np.all(size > 0):
-        raise InvalidScene(f"element size {size}: give positive lengths")
-    count = np.rint((upper - lower) / size).astype(int)
-    if np.any(np.abs(count * size - (upper - lower)) > 1e-6 * size):  # a size typed to seven digits still fits
-        raise InvalidScene(f"elements of size {size} do not divide a box of {upper - lower}: choose one that does")
+    (lower, upper), count = bounds, divisions("element size", bounds, size)
     x, y = (np.linspace(lower[a], upper[a], count[a] + 1) for a in range(2))
     return MeshQuad.init_tensor(x, y)
 

@@ -10,7 +10,17 @@ import numpy as np
 from scipy.spatial import cKDTree
 from skfem import CellBasis
 
-from mpmtop.scene import Array, EmptyDomain, Index, InvalidScene, LoadOutsideBody, PNormStress, PointLoad, Scene
+from mpmtop.scene import (
+    Array,
+    EmptyDomain,
+    Index,
+    InvalidScene,
+    LoadOutsideBody,
+    PNormStress,
+    PointLoad,
+    Scene,
+    physical_densities,
+)
 from reference_fem.boundary import nodal_forces
 from reference_fem.elasticity import FemModel, fem_model, solve, stress, von_mises
 from reference_fem.mesh import GEOMETRY_TOLERANCE, element_centres, element_sides, lattice, vector_basis
@@ -50,16 +60,9 @@ class Judge:
 
     def __call__(self, rho: Array) -> Judgement:
         """Analyse the physical densities rho (p,) in [0, 1] of the points: one factorisation, one solve."""
-        self.check(rho)
+        rho = physical_densities(rho, self.points, "points")
         u = solve(self.model, simp(rho, self.scene)[0][self.owner])
         return Judgement(float(self.model.f_ext @ u), len(self.model.free), len(self.owner), u)
-
-    def check(self, rho: Array) -> None:
-        """Raise ValueError unless rho (p,) are physical densities of the points."""
-        if np.shape(rho) != (self.points,):
-            raise ValueError(f"densities of shape {np.shape(rho)} for {self.points} points: give one for each point")
-        if not np.all((rho >= -1e-9) & (rho <= 1 + 1e-9)):  # a filter's rounding passes; NaN does not
-            raise ValueError("densities outside 0 to 1: give physical densities")
 
 
 def reanalyse(scene: Scene, x: Array, half_length: Array, rho: Array, split: int = 2, order: int = 2) -> Judgement:
@@ -100,7 +103,7 @@ def judge_stress(judge: Judge, rho: Array, judgement: Judgement) -> JudgedStress
     point counts once at any resolution, and with one element per point this is Eq. (9). p and q are those of the
     scene's `PNormStress`, or its defaults if the scene has another objective.
     """
-    judge.check(rho)
+    rho = physical_densities(rho, judge.points, "points")
     measure = judge.scene.objective if isinstance(judge.scene.objective, PNormStress) else PNormStress()
     solid = np.full(len(judge.owner), judge.scene.material.young)
     s = rho[judge.owner] ** measure.q * von_mises(stress(judge.model, judgement.u, solid))[:, 0]

@@ -1,7 +1,7 @@
 """Density-based optimisation on a finite element model: design, SIMP, objective and gradient."""
 
 import hashlib
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from functools import cached_property
 
 import numpy as np
@@ -9,7 +9,7 @@ import scipy.sparse as sp
 from scipy.spatial import cKDTree
 from skfem import MeshQuad
 
-from mpmtop.scene import Array, InvalidScene, LoadOutsideBody, Mask, PointLoad, Scene
+from mpmtop.scene import Array, InvalidScene, LoadOutsideBody, Mask, PointLoad, Scene, physical_densities
 from reference_fem.design import DesignSpace, design_space
 from reference_fem.elasticity import FemModel, discretise, inverse_stiffness, unit_work
 from reference_fem.factorise import Solve
@@ -105,14 +105,21 @@ class DesignProblem:
 
     @property
     def fingerprint(self) -> str:
-        """Hash of all that decides the numbers: scene, element type, where stress is taken, elements, passive ones."""
-        basis, space = self.model.basis, self.space
-        digest = hashlib.sha256(repr((self.scene, basis.Nbfun, self.stress_at)).encode())
-        digest.update(basis.mesh.p[:, basis.mesh.t].tobytes())
-        if len(space.active) < len(self.model.area):
-            for array in (space.solid, space.void, space.fixed):  # the last one or H tells the filters apart
-                digest.update(array.tobytes())
-            digest.update(self.H.data.tobytes())
+        """Hash of all numbers that an iterate depends on: a checkpoint fits a problem of the same ones only.
+
+        None of them is a sum that a BLAS may order as it likes: they are the same on every machine.
+        """
+        scene, model, space, law = self.scene, self.model, self.space, self.scene.objective
+        numbers = (
+            *(scene.material.young, scene.material.poisson, scene.penal, scene.contrast),
+            *(scene.volume_fraction, scene.rho_min, *astuple(law)),
+        )
+        said = (type(law).__name__, scene.material.plane, model.basis.Nbfun, self.stress_at, *map(float, numbers))
+        digest = hashlib.sha256(repr(said).encode())
+        corners = model.basis.mesh.p[:, model.basis.mesh.t]
+        weights = (self.H.data, self.H.indices, self.H.indptr)
+        for array in (corners, np.sort(model.free), model.f_ext, space.solid, space.void, space.fixed, *weights):
+            digest.update(array.tobytes())
         return digest.hexdigest()
 
     def evaluate(self, x: Array) -> Evaluation:
@@ -120,11 +127,8 @@ class DesignProblem:
         return self.analyse(self.H @ x + self.space.fixed)
 
     def analyse(self, rho: Array) -> Evaluation:
-        """Objective and constraint of physical densities rho (e,), of whatever origin, at passive elements, too."""
-        if np.shape(rho) != self.model.area.shape:
-            raise ValueError(
-                f"densities of shape {np.shape(rho)} for {len(self.model.area)} elements: give one for each"
-            )
+        """Objective and constraint of physical densities rho (e,) in [0, 1], of any origin, passive ones included."""
+        rho = physical_densities(rho, len(self.model.area), "elements")
         inverse = inverse_stiffness(self.model, simp(rho, self.scene)[0])
         u = inverse(self.model.f_ext)
         volume = self.model.area @ rho / self._volume_bound

@@ -180,12 +180,6 @@ def test_optimisation_never_changes_what_is_passive(objective: Compliance | PNor
     assert objectives[-1] < 0.8 * objectives[0]
 
 
-def test_regions_without_an_element_change_nothing() -> None:
-    speck, plain = problem(None, Circle((4.0, 2.0), 0.1)), problem(None, None)
-    assert np.array_equal(speck.x0, plain.x0) and np.all(plain.x0 == 0.4)
-    assert np.array_equal(speck.evaluate(speck.x0).rho, plain.evaluate(plain.x0).rho)
-
-
 def test_fingerprint_includes_what_is_passive() -> None:
     edge = (PointLoad((8, 1), (0, -1), 1),)
     every = [

@@ -84,7 +84,7 @@ def test_discretisation_refuses() -> None:
     with pytest.raises(ValueError, match="at least one in each direction"):
         discretise(cantilever(), 1.0, 0)
     for h in (-1.0, 0.0, NAN, np.inf):
-        with pytest.raises(ValueError, match="positive cell sizes"):
+        with pytest.raises(ValueError, match="positive lengths"):
             discretise(cantilever(), h)
     with pytest.raises(ValueError, match="cell sizes positive"):
         Grid((0, 0), (1, -1), (2, 2))

@@ -1,0 +1,173 @@
+"""What both solvers promise alike: of densities, of lengths that cut the body, of a run that goes on."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mpmtop.equilibrium import discretise
+from mpmtop.optimize import GCMMA, optimize
+from mpmtop.points import seed
+from mpmtop.problem import DesignProblem
+from mpmtop.region import Circle, Difference, LevelSet, Region
+from mpmtop.scene import Array, InvalidScene, LoadOutsideBody, Mask, Material, PNormStress, PointLoad, Rectangle
+from reference_fem.mesh import lattice
+from reference_fem.reanalyse import build_judge, judge_stress
+from reference_fem.simp import design_problem
+from tests.scenes import LEFT_CLAMP, cantilever
+
+# --- densities --------------------------------------------------------------------------------------------------------
+
+
+def by_points(rho: Array) -> float:
+    return DesignProblem(discretise(cantilever(), 1.0)).analyse(rho).objective
+
+
+def by_elements(rho: Array) -> float:
+    return design_problem(cantilever(), 0.5).analyse(rho).objective
+
+
+def by_judge(rho: Array) -> float:
+    points = seed(cantilever().domain, (0.5, 0.5))
+    judge = build_judge(cantilever(), points.x, points.half_length)
+    judgement = judge(rho)
+    return judgement.compliance + judge_stress(judge, rho, judgement).p_norm
+
+
+READERS = pytest.mark.parametrize("read", [by_points, by_elements, by_judge])
+
+
+@READERS
+def test_rounding_of_densities_is_no_density(read: Callable[[Array], float]) -> None:
+    """What a filter leaves outside 0 to 1 passes as 0 and 1, to the last bit, and never as a power of it."""
+    rho = np.tile([0.0, 1.0], 64)
+    assert read(rho + np.tile([-9e-10, 9e-10], 64)) == read(rho)
+
+
+@READERS
+@pytest.mark.parametrize("wrong", [-2e-9, 1 + 2e-9, 1.5, -0.2, np.nan])
+def test_what_is_no_density_is_refused(read: Callable[[Array], float], wrong: float) -> None:
+    rho = np.full(128, 0.5)
+    rho[17] = wrong
+    with pytest.raises(ValueError, match="outside 0 to 1"):
+        read(rho)
+    with pytest.raises(ValueError, match=r"shape \(3,\) for 128 (points|elements)"):
+        read(np.ones(3))
+
+
+# --- lengths ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("typed", [0.1428571, 0.14285714, 0.142857142857])
+def test_a_length_typed_to_seven_digits_divides(typed: float) -> None:
+    """In either solver, and what is cut is the exact division: nothing drifts through the cells."""
+    body = Rectangle((0.0, 0.0), (8.0, 4.0))
+    exact = seed(body, (1 / 7, 1 / 7))
+    given = seed(body, (typed, typed))
+    assert np.array_equal(given.x, exact.x) and np.array_equal(given.half_length, exact.half_length)
+    assert np.array_equal(lattice(body.bounds, np.full(2, typed)).p, lattice(body.bounds, np.full(2, 1 / 7)).p)
+    model, as_meant = discretise(cantilever(), 2 * typed), discretise(cantilever(), 2 / 7)
+    assert model.grid == as_meant.grid and np.array_equal(model.f_ext, as_meant.f_ext)
+
+
+@pytest.mark.parametrize("typed", [(1 + 2e-6) / 7, (1 - 2e-6) / 7, 0.3, 5.0, -1.0, 0.0, np.nan, np.inf])
+def test_a_length_that_does_not_divide_is_refused_by_both(typed: float) -> None:
+    said = "does not divide .* nearest that does" if typed in (0.3, 5.0) or abs(typed * 7 - 1) < 1e-5 else "positive"
+    for cut in (
+        lambda: discretise(cantilever(), 2 * typed),
+        lambda: design_problem(cantilever(), typed),
+    ):
+        with pytest.raises(InvalidScene, match=said):
+            cut()
+
+
+# --- loads and passive regions ----------------------------------------------------------------------------------------
+
+
+IDLE = {
+    "on the clamp": (PointLoad((0, 2), (0, -1), points=0),),
+    "zero": (PointLoad((8, 2), (0, 0)),),
+    "in balance": (PointLoad((8, 2), (0, -1)), PointLoad((8, 2), (0, 1))),
+    "in balance but for rounding": tuple(PointLoad((8, 2), (0, f), points=0) for f in (0.1, 0.2, -0.3)),
+}
+
+
+@pytest.mark.parametrize("loads", IDLE.values(), ids=IDLE)
+def test_elements_refuse_loads_that_do_no_work(loads: tuple[PointLoad, ...]) -> None:
+    with pytest.raises(LoadOutsideBody, match="no work"):
+        design_problem(cantilever(loads=loads), 0.5)
+
+
+def test_a_small_load_beside_a_large_idle_one_works() -> None:
+    clamped, tip = PointLoad((0, 2), (0, -1e9), points=0), PointLoad((8, 2), (0, -1), points=0)
+    both, alone = (design_problem(cantilever(loads=loads), 0.5) for loads in ((clamped, tip), (tip,)))
+    assert both.evaluate(both.x0).objective == alone.evaluate(alone.x0).objective
+
+
+@pytest.mark.parametrize("name", ["passive_solid", "passive_void"])
+def test_elements_refuse_a_passive_region_that_holds_none(name: str) -> None:
+    with pytest.raises(InvalidScene, match=f"{name} holds no element"):
+        design_problem(cantilever(**{name: Circle((4, 2), 0.1)}), 0.5)
+
+
+# --- a run that goes on -----------------------------------------------------------------------------------------------
+
+
+class Box:
+    """A region of one's own, without a repr or an equality."""
+
+    bounds = np.array([0.0, 0.0]), np.array([8.0, 4.0])
+
+    def contains(self, x: Array, tol: float = 0.0) -> Mask:
+        return np.all((x >= -tol) & (x <= self.bounds[1] + tol), axis=1)
+
+
+def domains() -> list[Region]:
+    """Made anew at each call, as in a new process."""
+    body = Rectangle((0.0, 0.0), (8.0, 4.0))
+    outline = LevelSet((0.0, 0.0), (8.0, 4.0), lambda x: np.abs(x[:, 1] - 2) - (2 - 0.05 * x[:, 0]))
+    return [body, outline, Box(), Difference(body, Circle((4, 2), 0.8))]
+
+
+@pytest.mark.parametrize("kind", range(4), ids=["rectangle", "level set", "own region", "difference"])
+def test_elements_resume_on_any_domain(kind: int, tmp_path: Path) -> None:
+    """The fingerprint is of numbers: no address of a function, no name, no int that stands for a float."""
+    loads = (PointLoad((7.5, 2.0), (0.0, -1.0)),)
+    first, again = (
+        design_problem(cantilever(domain=domains()[kind], loads=loads, name=name, penal=penal), 0.5)
+        for name, penal in (("first", 3), ("again", 3.0))
+    )
+    checkpoint = tmp_path / "run.npz"
+    list(optimize(first, GCMMA(), max_iterations=2, checkpoint=checkpoint))
+    iterates = list(optimize(again, GCMMA(), max_iterations=3, checkpoint=checkpoint))
+    assert iterates[-1].iteration == 3 and len(iterates) < 3
+
+
+def test_every_number_of_the_scene_is_in_the_fingerprint_of_elements() -> None:
+    scene = cantilever()
+    steel = scene.material
+    prints = [
+        design_problem(replace(scene, **changes), 0.5).fingerprint
+        for changes in (
+            {},
+            {"material": replace(steel, young=2.0)},
+            {"material": replace(steel, poisson=0.2)},
+            {"material": Material(1.0, 0.3, "stress")},
+            {"material": Material(1.0, 0.0, "strain")},
+            {"material": Material(1.0, 0.0, "stress")},
+            {"volume_fraction": 0.5},
+            {"filter_radius": 2.0},
+            {"penal": 2.0},
+            {"contrast": 1e-6},
+            {"rho_min": 0.0},
+            {"objective": PNormStress()},
+            {"objective": PNormStress(p=8.0)},
+            {"objective": PNormStress(q=0.4)},
+            {"loads": (PointLoad((8, 1), (0, -1)),)},
+            {"supports": (replace(LEFT_CLAMP, region=Rectangle((0, 0), (0, 2))),)},
+            {"domain": Rectangle((0, 0), (8, 3.5))},
+        )
+    ]
+    assert len(set(prints)) == len(prints)
