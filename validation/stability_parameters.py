@@ -168,7 +168,7 @@ def invalid_points() -> Iterator[Refusal]:
 def invalid_models() -> Iterator[Refusal]:
     """Cells, grids, points and loads that do not fit each other."""
     for h in (0.0, -1.0, nan, inf):
-        yield Refusal(partial(discretise, beam(), h), ValueError, "spacing")
+        yield Refusal(partial(discretise, beam(), h), InvalidScene, "spacing")
     yield Refusal(partial(discretise, beam(), 0.3), InvalidScene, "does not divide")
     for ppc in (0, -1):
         yield Refusal(partial(discretise, beam(), 1.0, ppc), ValueError, "points per cell")
