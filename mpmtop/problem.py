@@ -144,7 +144,7 @@ class DesignProblem:
     def analyse(self, rho: Array) -> Evaluation:
         """Evaluate physical densities rho (p,) in [0, 1], of whatever origin, at passive points, too: one solve."""
         scene = self.model.scene
-        rho = physical_densities(rho, len(self.model.points.volume), "points")
+        rho = physical_densities(rho, len(self.model.points.volume), "point")
         moduli = scene.material.young * simp(rho, scene.penal, scene.contrast)[0]
         state = equilibrium(self.model, moduli)
         constraints = np.array([self._volume_weight @ rho - 1])

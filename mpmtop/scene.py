@@ -246,13 +246,13 @@ DENSITY_ROUNDING = 1e-9  # what a filter's sums may leave outside 0 to 1; no den
 
 
 def physical_densities(rho: Array, count: int, of: str) -> Array:
-    """Densities rho (count,) of points or elements, as `of` says, without their rounding: in [0, 1], read-only.
+    """Densities rho (count,) of each `of`, a point or an element, without their rounding: in [0, 1], read-only.
 
     A power of -1e-12 is NaN, and a gradient is taken from them later. Raises ValueError for another shape, NaN or
     densities outside 0 to 1 by more than rounding.
     """
     if np.shape(rho) != (count,):
-        raise ValueError(f"densities of shape {np.shape(rho)} for {count} {of}: give one for each")
+        raise ValueError(f"densities of shape {np.shape(rho)} for {count} {of}s: give one for each {of}")
     if not np.all((rho >= -DENSITY_ROUNDING) & (rho <= 1 + DENSITY_ROUNDING)):  # NaN is neither
         raise ValueError("densities outside 0 to 1: give physical densities")
     rho = np.clip(rho, 0.0, 1.0)

@@ -60,7 +60,7 @@ class Judge:
 
     def __call__(self, rho: Array) -> Judgement:
         """Analyse the physical densities rho (p,) in [0, 1] of the points: one factorisation, one solve."""
-        rho = physical_densities(rho, self.points, "points")
+        rho = physical_densities(rho, self.points, "point")
         u = solve(self.model, simp(rho, self.scene)[0][self.owner])
         return Judgement(float(self.model.f_ext @ u), len(self.model.free), len(self.owner), u)
 
@@ -103,7 +103,7 @@ def judge_stress(judge: Judge, rho: Array, judgement: Judgement) -> JudgedStress
     point counts once at any resolution, and with one element per point this is Eq. (9). p and q are those of the
     scene's `PNormStress`, or its defaults if the scene has another objective.
     """
-    rho = physical_densities(rho, judge.points, "points")
+    rho = physical_densities(rho, judge.points, "point")
     measure = judge.scene.objective if isinstance(judge.scene.objective, PNormStress) else PNormStress()
     solid = np.full(len(judge.owner), judge.scene.material.young)
     s = rho[judge.owner] ** measure.q * von_mises(stress(judge.model, judgement.u, solid))[:, 0]

@@ -128,7 +128,7 @@ class DesignProblem:
 
     def analyse(self, rho: Array) -> Evaluation:
         """Objective and constraint of physical densities rho (e,) in [0, 1], of any origin, passive ones included."""
-        rho = physical_densities(rho, len(self.model.area), "elements")
+        rho = physical_densities(rho, len(self.model.area), "element")
         inverse = inverse_stiffness(self.model, simp(rho, self.scene)[0])
         u = inverse(self.model.f_ext)
         volume = self.model.area @ rho / self._volume_bound
