@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import pandas as pd
 
-from validation.report import Report
+from validation.harness.report import Report
 
 
 class Stated(NamedTuple):

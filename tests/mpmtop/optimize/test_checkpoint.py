@@ -13,7 +13,7 @@ import pytest
 
 from mpmtop.optimize import GCMMA, MMA, CheckpointError, Iterate, UpdateRule, checkpoint, optimize
 from tests.mpmtop.optimize.problems import ALL_RULES, Bars, Values, same
-from validation.interruption import design_problem
+from validation.studies.stability.interruption import design_problem
 
 
 @pytest.mark.parametrize("interrupted", [0, 1, 2, 7])
@@ -128,7 +128,7 @@ def test_kill_9(k: int, tmp_path: Path) -> None:
     path = tmp_path / "run.npz"
     program = (
         "import sys; from pathlib import Path; from mpmtop.optimize import GCMMA, optimize\n"
-        "from validation.interruption import design_problem\n"
+        "from validation.studies.stability.interruption import design_problem\n"
         "for i in optimize(design_problem(), GCMMA(), checkpoint=Path(sys.argv[1])): print(i.iteration, flush=True)"
     )
     command = [sys.executable, "-c", program, str(path)]

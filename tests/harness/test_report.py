@@ -1,0 +1,538 @@
+"""The validation report: studies run by pytest itself, their files, and the pages in a real browser."""
+
+import contextlib
+import csv
+import html
+import json
+import os
+import pty
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import matplotlib as mpl
+import matplotlib.pyplot as plt
+import matplotlib.style
+import numpy as np
+import pandas as pd
+import pytest
+from markdown_it import MarkdownIt
+
+from validation.harness import plugin
+from validation.harness.pages import cell, replace, show
+from validation.harness.report import CLAIM_COLUMNS, Claim, Report
+from validation.harness.timed import read_timed
+from validation.measures.drawing import STYLE, draw_design, draw_points
+
+pytest_plugins = ["pytester"]
+
+ROOT = Path(__file__).parents[2]
+CROSSING = '''
+"""Crossing & <friends>.
+
+The *introduction*, with [a link](https://example.org).
+"""
+
+import time
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+import pytest
+
+from validation.harness import plugin
+from validation.measures.drawing import draw_design
+
+plugin.SHOWN_AFTER = 0.05
+
+
+@pytest.mark.benchmark
+def test_finest(report):
+    """The finest level."""
+    report.check("finest", 1.5, source="none")
+    report.timing("finest ratio", 6.75, source="none")
+
+
+@pytest.mark.parametrize("shape, jump", [("tent", 1.13), ("GIMP", 1.02)])
+def test_jump(report, progress, shape, jump):
+    """Jump of the tip displacement."""
+    for _ in progress(range(2), shape):
+        time.sleep(0.2)
+    report.text(f"Case **{shape}**.")
+    assert report.check(f"jump, {shape} | solid", jump, 1.138, rtol=0.02, source="Sect. 6.1")
+
+
+def test_optimum(report):
+    """Optimised compliance."""
+    x = np.stack(np.meshgrid(np.arange(80) / 2, np.arange(40) / 2), axis=-1).reshape(-1, 2)
+    figure, ax = plt.subplots()
+    draw_design(ax, x, np.array([0.25, 0.25]), x[:, 0] / 40)
+    report.figure("design", figure, "Design of the `tent` run")
+    wide = pd.DataFrame(1 / (3 + np.arange(24)).reshape(2, 12), columns=[f"a long heading {k}" for k in range(12)])
+    report.table("wide", wide, "A table wider than a phone")
+    report.check("not a number", float("nan"), at_most=1.0, source="none")
+    assert report.timing("speed-up", 2.5, at_least=2, source="our choice")
+    report.timed.text("Least **CPU time**.")
+    report.timed.table("seconds", pd.DataFrame({"CPU seconds": [8.125]}), "Measured seconds")
+    figure, ax = plt.subplots()
+    ax.plot([8.125, 9.5])
+    report.timed.figure("clock", figure, "Seconds against error")
+    raise RuntimeError("after its claims")
+
+
+def test_locked(report, lock):
+    lock({"kept": 1.0}, rtol=1e-12)
+
+
+def test_skipped(report):
+    pytest.skip("nothing to compare with")
+'''
+OTHER = '''
+"""Another study."""
+
+
+def test_open(report):
+    report.check("radius", 3.0, source="our choice")
+'''
+OPTIONS = ["-p", "validation.conftest", "-p", "no:cacheprovider", "-W", "error", "-q", "--color=no"]
+OPTIONS += ["--import-mode=importlib", "--rootdir=.", "--reports", "reports"]
+LOCKED = "studies/crossing/locks/test_locked.csv"
+
+
+def run(folder: Path) -> str:
+    """pytest in a process of its own, on a terminal, on the studies in `folder`: what it prints."""
+    environment = {name: value for name, value in os.environ.items() if name != "CI"}
+    ours, theirs = pty.openpty()
+    process = subprocess.Popen(
+        [sys.executable, "-m", "pytest", *OPTIONS],
+        cwd=folder,
+        env=environment | {"PYTHONPATH": str(ROOT), "COLUMNS": "200", "TERM": "xterm"},
+        stdout=theirs,
+        stderr=theirs,
+    )
+    os.close(theirs)
+    printed = b""
+    with (
+        open(ours, "rb", buffering=0) as terminal,
+        contextlib.suppress(OSError),
+    ):  # Linux: error at the end of a terminal
+        while piece := terminal.read(4096):
+            printed += piece
+    process.wait()
+    return printed.decode()
+
+
+def write_study(folder: Path, name: str, text: str) -> None:
+    """The study of that name among those in `folder`."""
+    study = folder / "studies" / name / f"test_{name}.py"
+    study.parent.mkdir(parents=True, exist_ok=True)
+    study.write_text(text)
+
+
+def rerun(pytester: pytest.Pytester, *arguments: str) -> str:
+    """The same in this process, which is quicker, without a terminal and in the folder of `pytester`."""
+    with mpl.rc_context(), pytest.MonkeyPatch.context() as patch:
+        patch.setattr(plugin, "SHOWN_AFTER", plugin.SHOWN_AFTER)  # which the study changes
+        return pytester.runpytest_inprocess(*OPTIONS, *arguments).stdout.str()
+
+
+def committed(reports: Path) -> dict[str, bytes]:
+    """Content of the files of a report that are kept with the code."""
+    local = {"timings.md", "provenance.json"}
+    files = [
+        file
+        for file in reports.rglob("*.*")
+        if file.suffix != ".html" and file.name not in local and file.parent.name != "timed"
+    ]
+    return {str(file.relative_to(reports)): file.read_bytes() for file in files}
+
+
+def claims(reports: Path) -> list[dict[str, str]]:
+    return list(csv.DictReader((reports / "data" / "claims.csv").read_text().splitlines()))
+
+
+@pytest.fixture(scope="module")
+def studied(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
+    """A folder of two studies that were run once, and what pytest printed."""
+    folder = tmp_path_factory.mktemp("studies")
+    (folder / "pytest.ini").write_text("[pytest]\nmarkers = benchmark\n")
+    write_study(folder, "crossing", CROSSING)
+    write_study(folder, "other", OTHER)
+    (folder / LOCKED).parent.mkdir()
+    (folder / LOCKED).write_text(",kept,dropped\n0,1.0,2.0\n")
+    return folder, run(folder)
+
+
+def test_failing_tests_keep_their_claims(studied: tuple[Path, str]) -> None:
+    folder, printed = studied
+    rows = claims(folder / "reports")
+    assert tuple(rows[0]) == CLAIM_COLUMNS
+    assert [tuple(row.values()) for row in rows] == [
+        ("crossing", "jump, tent | solid", "1.13", "1.138", "0.02", "Sect. 6.1", "agrees"),
+        ("crossing", "jump, GIMP | solid", "1.02", "1.138", "0.02", "Sect. 6.1", "differs"),
+        ("crossing", "not a number", "nan", "<= 1", "", "none", "differs"),
+        ("crossing", "speed-up", "see timings", ">= 2", "", "our choice", "agrees"),
+        ("other", "radius", "3.0", "", "", "our choice", "not stated"),
+    ]
+    assert "5 of 5 claims run; paper: 1 agree, 1 differ, 0 not stated; our checks: 1 of 2 hold" in printed
+    assert f"report: {folder / 'reports' / 'index.html'}" in printed
+    page = (folder / "reports" / "crossing.md").read_text()
+    assert "`test_optimum` ended with RuntimeError" in page
+    assert r"| jump, GIMP \| solid | 1.138 ±" in page
+    assert "test_skipped" not in page
+
+
+def tables(page: Path) -> list[list[list[str]]]:
+    """Text of the cells of each table of a page, row by row, without the links to sections."""
+    text = page.read_text()
+    text = MarkdownIt(options_update={"html": False}).enable("table").render(text) if page.suffix == ".md" else text
+    split = [
+        [re.findall(r"<t[hd][ >].*?</t[hd]>", row, re.DOTALL) for row in table.split("</tr>")[:-1]]
+        for table in re.findall(r"<table.*?</table>", text, re.DOTALL)
+    ]
+    tags = re.compile(r'<a class="where".*?</a>|<[^>]*>')
+    return [[[html.unescape(tags.sub("", cell)).strip() for cell in row] for row in rows] for rows in split]
+
+
+@pytest.mark.parametrize("suffix", ["md", "html"])
+def test_claims_of_the_paper_stand_apart_from_our_checks(studied: tuple[Path, str], suffix: str) -> None:
+    paper = ["Claim", "What the paper says", "What we get", "Verdict", "Source"]
+    ours = ["Check", "Required", "What we get", "Verdict", "Why / source"]
+    tent, gimp = "jump, tent | solid", "jump, GIMP | solid"
+    index, crossing = (studied[0] / "reports" / f"{name}.{suffix}" for name in ("index", "crossing"))
+    counts, *listed = tables(index)
+    assert counts == [
+        ["Study", "agrees", "differs", "not stated", "our checks"],
+        ["Crossing & <friends>", "1", "1", "0", "1 of 2"],
+        ["Another study", "0", "0", "0", "–"],  # its value is for comparison only
+    ]
+    assert [(rows[0], [row[0] for row in rows[1:]]) for rows in listed] == [
+        (paper, [gimp]),  # the claims that differ
+        (ours, ["not a number"]),
+        (paper, [tent, gimp]),  # all claims
+        (ours, ["not a number", "speed-up"]),
+        (ours, ["radius"]),
+    ]
+    assert re.findall(r"(?:<caption>|^\*\*)(The paper|Our)", index.read_text(), re.MULTILINE) == [
+        "The paper" if rows[0] == paper else "Our" for rows in listed
+    ]
+    assert [rows[0] for rows in tables(crossing)[:2]] == [paper, ours]
+    for page in (index, crossing):
+        assert re.search(r"(?i)our checks: (<b>|\*\*)1(</b>|\*\*) of (<b>|\*\*)2(</b>|\*\*) hold", page.read_text())
+
+
+def test_a_source_in_the_paper_makes_a_claim_the_papers() -> None:
+    def of_paper(source: str) -> bool:
+        return Claim("claim", 1.0, 1.0, None, source, "agrees").of_paper
+
+    places = ("Sect. 6.1: stiffer", "Sects. 2 and 3", "Fig. 9", "Figs. 9, 10", "Eq. (7)", "Eqs. (7, 8)")
+    assert all(map(of_paper, (*places, "Appendix: identical", "Appendix, Eq. A.1", "Table 2")))
+    assert not any(map(of_paper, ("our bound", "Svanberg (2002), Sect. 5", "Section of ours", "Tables", "Figure", "")))
+
+
+def test_a_lock_misses_no_column(studied: tuple[Path, str]) -> None:
+    assert re.search(r"test_locked - AssertionError: other numbers than test_locked.csv holds", studied[1])
+
+
+def test_measured_times_stay_out_of_what_is_committed(studied: tuple[Path, str]) -> None:
+    reports = studied[0] / "reports"
+    assert ",2.5,>= 2," in (reports / "timed" / "ratios.csv").read_text()
+    provenance = json.loads((reports / "data" / "provenance.json").read_text())
+    text = b"".join(content for file, content in committed(reports).items() if not file.endswith(".svg")).decode()
+    assert "2.5" not in text
+    assert not [name for name in ("date", "machine", "python", "command") if provenance[name] in text]
+    assert str(studied[0]) not in text
+
+
+def test_measured_seconds_are_shown_with_their_machine(studied: tuple[Path, str]) -> None:
+    reports = studied[0] / "reports"
+    assert (reports / "timed" / ".gitignore").read_text() == "*\n"  # of its own: no seconds reach a commit
+    assert "8.125" in (reports / "timed" / "crossing_seconds.csv").read_text()
+    assert not [file for file, content in committed(reports).items() if b"8.125" in content]
+    machine = json.loads((reports / "data" / "provenance.json").read_text())["machine"]
+    assert "logical cores, BLAS threads: " in machine
+    page, text = (html.unescape((reports / f"timings.{suffix}").read_text()) for suffix in ("html", "md"))
+    for shown in (machine, "8.125", "Seconds against error", "Optimised compliance"):
+        assert shown in page
+        assert shown in text
+    assert page.count("data:image/svg+xml") == 1
+    assert "(timed/crossing_clock.svg)" in text
+
+
+def test_benchmarks_run_only_when_asked_for(studied: tuple[Path, str], pytester: pytest.Pytester) -> None:
+    reports = pytester.path / "reports"
+    shutil.copytree(studied[0], pytester.path, dirs_exist_ok=True)
+    assert "2 skipped" in studied[1]  # the other one skips itself
+    assert "2 of 7 claims run" in rerun(pytester, "--benchmark", "-m", "benchmark")
+    measured = (reports / "benchmark.md").read_text()
+    assert "5 of 7 claims run" in rerun(pytester)  # and what it had recorded stays
+    assert "finest" in {row["claim"] for row in claims(reports)}
+    assert (reports / "benchmark.md").read_text() == measured
+    assert "finest ratio | – | 6.75" in measured
+    provenance = json.loads((reports / "data" / "provenance.json").read_text())
+    assert f"Measured on {provenance['machine']}; {provenance['date'][:10]}" in measured
+    assert "6.75" in (reports / "benchmark" / "ratios.csv").read_text()  # kept with the code
+    assert not (reports / "benchmark" / ".gitignore").exists()
+    assert "6.75" not in (reports / "timed" / "ratios.csv").read_text()
+
+
+def test_times_of_another_version_are_left_out(studied: tuple[Path, str], pytester: pytest.Pytester) -> None:
+    shutil.copytree(studied[0], pytester.path, dirs_exist_ok=True)
+    (pytester.path / "reports" / "timed" / "sections.json").write_text('[{"study": "crossing", "machine": "old"}]')
+    assert "2 of 5 claims run" in rerun(pytester, "-k", "jump")
+    assert "crossing.md" in (pytester.path / "reports" / "timings.md").read_text()
+
+
+def test_a_damaged_benchmark_is_not_overwritten(
+    studied: tuple[Path, str], pytester: pytest.Pytester, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PYTHONPATH", str(ROOT))
+    shutil.copytree(studied[0], pytester.path, dirs_exist_ok=True)
+    store = pytester.path / "reports" / "benchmark" / "sections.json"
+    store.parent.mkdir()
+    store.write_text("<<<<<<< HEAD")
+    with pytest.raises(ValueError, match="is not a store of this report: restore the committed one"):
+        read_timed(store.parents[1])
+    # at once, not after the studies
+    refused = pytester.runpytest_subprocess(*OPTIONS, "-k", "jump")
+    assert "restore the committed one" in refused.stderr.str()
+    assert "passed" not in refused.stdout.str()
+    assert store.read_text() == "<<<<<<< HEAD"
+
+
+def test_an_interrupted_write_leaves_the_old_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    page = tmp_path / "index.md"
+    replace(page, "whole")
+    monkeypatch.setattr(os, "replace", lambda *paths: (_ for _ in ()).throw(KeyboardInterrupt))
+    with pytest.raises(KeyboardInterrupt):
+        replace(page, "the next one")
+    assert page.read_text() == "whole"
+
+
+def test_where_the_time_goes(studied: tuple[Path, str]) -> None:
+    """Every study with the seconds of all its tests: the progress of `test_jump` alone sleeps for 0.8 s."""
+    text = (studied[0] / "reports" / "timings.md").read_text()
+    wall, cpu = map(float, re.findall(r"\(crossing.md\) \| ([\d.]+) \| ([\d.]+) \|", text)[0])
+    assert wall >= 0.8
+    assert cpu < wall  # asleep
+    assert "(other.md) |" in text
+
+
+def test_quick_leaves_slow_tests_out(pytester: pytest.Pytester) -> None:
+    pytester.makepyfile(test_plain="import pytest\n@pytest.mark.slow\ndef test_slow(): pass\ndef test_fast(): pass")
+    pytester.makeini("[pytest]\nmarkers = slow")
+    assert "1 passed, 1 skipped" in rerun(pytester, "--quick")
+    assert "2 passed" in rerun(pytester)
+
+
+def test_pages_need_nothing_but_themselves(studied: tuple[Path, str]) -> None:
+    pages = list((studied[0] / "reports").glob("*.html"))
+    assert {page.stem for page in pages} == {"index", "timings", "benchmark", "crossing", "other"}
+    for page in pages:
+        text = page.read_text()
+        assert not re.search(r"<(script|iframe|object|embed)|@import|url\(", text)
+        assert all(source.startswith("data:") for source in re.findall(r'(?:src|srcset)="([^"]*)"', text))
+        assert re.findall(r'<link [^>]*href="([^"]*)"', text) == ["data:,"]
+        assert "&lt;friends&gt;" in text
+    assert 'alt="Design of the tent run"' in (studied[0] / "reports" / "crossing.html").read_text()
+
+
+def test_a_second_run_writes_the_same_bytes(studied: tuple[Path, str], pytester: pytest.Pytester) -> None:
+    first = committed(studied[0] / "reports")
+    assert {"index.md", "figures/crossing_design.svg", "data/crossing_wide.csv", "data/other.json"} < first.keys()
+    shutil.copytree(studied[0], pytester.path, dirs_exist_ok=True)
+    assert "5 of 5 claims run" in rerun(pytester)
+    assert committed(pytester.path / "reports") == first
+
+
+def test_a_partial_run_keeps_what_it_did_not_run(studied: tuple[Path, str], pytester: pytest.Pytester) -> None:
+    folder, reports = pytester.path, pytester.path / "reports"
+    shutil.copytree(studied[0], folder, dirs_exist_ok=True)
+    first = committed(reports)
+    assert "2 of 5 claims run" in rerun(pytester, "-k", "jump")
+    assert committed(reports) == first
+
+    without_optimum = re.sub(r"def test_optimum.*?(?=def test_locked)", "", CROSSING, flags=re.DOTALL)
+    write_study(folder, "crossing", without_optimum)
+    shutil.rmtree(folder / "studies" / "other")
+    (reports / "figures" / "own.svg").write_text("not the report's")
+    assert "2 of 2 claims run" in rerun(pytester, "-k", "jump")
+    gone = {"other.md", "data/other.json", "figures/crossing_design.svg", "data/crossing_wide.csv"}
+    assert committed(reports).keys() == first.keys() - gone | {"figures/own.svg"}
+    assert not (reports / "other.html").exists()
+    assert {row["claim"] for row in claims(reports)} == {"jump, tent | solid", "jump, GIMP | solid"}
+    assert "speed-up" not in (reports / "timed" / "ratios.csv").read_text()
+    assert not list((reports / "timed").glob("*_*.*"))
+
+
+@pytest.mark.parametrize(
+    ("folder", "page"),
+    [
+        ("validation/studies/crossing", "crossing"),
+        ("validation/studies/crossing/l_bracket", "crossing_l_bracket"),
+        ("studies/of/ours/studies/hole", "hole"),
+        ("validation/studies", ""),
+        ("tests/mpmtop", ""),
+    ],
+)
+def test_a_page_is_named_after_its_folder(folder: str, page: str) -> None:
+    assert plugin.study_of(Path("/home") / folder) == page
+
+
+def test_a_study_without_a_folder_is_told_where_it_belongs(pytester: pytest.Pytester) -> None:
+    pytester.makepyfile(test_plain="def test_plain(report): pass")
+    assert "move it to a folder of its own in validation/studies" in rerun(pytester)
+
+
+def test_nothing_is_written_without_a_study(pytester: pytest.Pytester) -> None:
+    pytester.makepyfile(test_plain="def test_plain(): pass")
+    assert "1 passed" in rerun(pytester)
+    assert not (pytester.path / "reports").exists()
+
+
+def test_progress_shows_on_a_terminal_only(studied: tuple[Path, str], pytester: pytest.Pytester) -> None:
+    assert "tent, iteration 1" in studied[1]
+    write_study(pytester.path, "crossing", CROSSING)
+    assert "iteration" not in rerun(pytester, "-k", "tent", "-s")
+
+
+@pytest.mark.parametrize(
+    ("observed", "expectation", "verdict", "stated"),
+    [
+        (1.02, {"expected": 1.0, "rtol": 0.03}, "agrees", 1.0),
+        (-1.04, {"expected": -1.0, "rtol": 0.03}, "differs", -1.0),
+        (3200, {"expected": 3200}, "agrees", 3200),
+        (np.float64(0.0181), {"at_most": 0.018}, "differs", "<= 0.018"),
+        (12.0, {"at_least": 10, "at_most": 20}, "agrees", ">= 10 and <= 20"),
+        (np.bool_(True), {"expected": False}, "differs", False),
+        ("tent", {"expected": "tent"}, "agrees", "tent"),
+        (np.inf, {"at_most": 1.0}, "differs", "<= 1"),
+        (np.nan, {}, "differs", ""),
+        (2.0, {}, "not stated", ""),
+    ],
+)
+def test_verdicts(observed: float, expectation: dict[str, float], verdict: str, stated: object) -> None:
+    report = Report("study", "test", set())
+    assert report.check("claim", observed, **expectation, source="source") == (verdict != "differs")
+    assert (report.claims[0].verdict, report.claims[0].expected) == (verdict, stated or stated)
+    json.dumps(report.claims[0].observed, allow_nan=False)
+
+
+@pytest.mark.parametrize(
+    "expectation",
+    [{"rtol": 0.1}, {"expected": 0.0, "rtol": 0.1}, {"expected": True, "rtol": 0.1}, {"expected": 1.0, "at_most": 1.0}],
+)
+def test_meaningless_expectations_are_refused(expectation: dict[str, float]) -> None:
+    with pytest.raises(ValueError, match="'claim'"):
+        Report("study", "test", set()).check("claim", 1.0, **expectation, source="source")
+
+
+def test_names_are_files_of_their_own() -> None:
+    taken: set[str] = set()
+    frame = pd.DataFrame({"a": [1.23456789, None], "b": [np.int64(3), 4]}, index=pd.Index(["x", "y"], name="case"))
+    report = Report("study", "test", taken)
+    report.table("t", frame, "caption", digits=3)
+    (table,) = report.blocks
+    assert (table.columns, table.rows) == (["case", "a", "b"], [["x", 1.23, 3], ["y", None, 4]])  # type: ignore[union-attr]
+    with pytest.raises(ValueError, match="already recorded"):
+        Report("study", "other", taken).table("t", frame, "caption")
+    with pytest.raises(ValueError, match="file name"):
+        report.table("../t", frame, "caption")
+    with pytest.raises(ValueError, match="rename"):
+        Report("index", "test", taken)
+
+
+def test_cells() -> None:
+    assert [show(value) for value in (None, True, 3, 3.0, 1e-6, 2.5e20, "x")] == [
+        "–",
+        "yes",
+        "3",
+        "3",
+        "1e-6",
+        "2.5e20",
+        "x",
+    ]
+    assert cell("|u| over\n two lines") == r"\|u\| over two lines"
+
+
+def test_points_are_drawn_small_and_without_seams() -> None:
+    x = np.stack(np.meshgrid(np.arange(180) + 0.5, np.arange(90) + 0.5), axis=-1).reshape(-1, 2) / 6
+    half_length = np.full_like(x, 1 / 12)
+    with mpl.rc_context():
+        mpl.style.use(STYLE)
+        figure, ax = plt.subplots()
+        drawn = draw_points(ax, x, half_length, np.ones(len(x)), vmin=0, vmax=2, label="stress")
+        assert drawn.get_clim() == (0, 2)
+        report = Report("study", "test", set())
+        figure.canvas.draw()
+        pixels = np.asarray(figure.canvas.buffer_rgba())  # type: ignore[attr-defined]
+        left, bottom, right, top = ax.transData.transform([(1, 1), (29, 14)]).astype(int).ravel()
+        inside = pixels[pixels.shape[0] - top : pixels.shape[0] - bottom, left:right].reshape(-1, 4)
+        assert len(np.unique(inside, axis=0)) == 1
+        draw_design(plt.figure().add_subplot(), x, half_length, np.random.default_rng(0).random(len(x)))
+        report.figure("noise", plt.gcf(), "the least compressible design of the finest scene")
+    assert len(report.figures["study_noise"]) < 200_000  # what a page of several figures can carry
+
+
+MEASURE = """<!DOCTYPE html><title>not measured</title>
+<iframe style="width:390px;height:800px;border:0" srcdoc="{page}"></iframe>
+<script>
+addEventListener("load", () => {{
+  const page = document.querySelector("iframe").contentDocument, root = page.documentElement;
+  const drawn = [...page.images].map(i => i.naturalWidth && Math.min(i.clientWidth, i.clientHeight));
+  document.title = JSON.stringify({{shown: root.clientWidth, needed: root.scrollWidth, drawn: drawn}});
+}});
+</script>"""
+
+
+def test_pages_fit_a_phone_and_print(studied: tuple[Path, str], tmp_path: Path) -> None:
+    names = ("chromium", "chromium-browser", "google-chrome")
+    browser = next((path for path in map(shutil.which, names) if path), None)
+    if browser is None:
+        pytest.skip(f"none of {', '.join(names)} is installed: the pages are not tried in a browser")
+    flags = "--headless --no-sandbox --disable-gpu --disable-quic --no-first-run --disable-background-networking "
+    flags += f"--disable-component-update --disable-sync --user-data-dir={tmp_path / 'profile'}"
+
+    def browse(option: str, page: Path) -> str:
+        command = [browser, *flags.split(), option, page.as_uri()]
+        return subprocess.run(command, capture_output=True, text=True, timeout=60, check=True).stdout
+
+    for name, pictures in (("index", 0), ("crossing", 1)):
+        page = studied[0] / "reports" / f"{name}.html"
+        framed = tmp_path / f"{name}.html"
+        framed.write_text(MEASURE.format(page=html.escape(page.read_text())))
+        title = re.search(r"<title>(.*?)</title>", browse("--dump-dom", framed))
+        assert title is not None
+        found = json.loads(html.unescape(title[1]))
+        assert found["shown"] <= 390
+        assert found["needed"] == found["shown"], f"{name} scrolls sideways"
+        assert len(found["drawn"]) == pictures
+        assert all(size > 50 for size in found["drawn"])  # px; a picture that failed to load measures 0 or an icon's 16
+    browse(f"--print-to-pdf={tmp_path / 'page.pdf'}", page)
+    pdf = (tmp_path / "page.pdf").read_bytes()
+    assert pdf.startswith(b"%PDF")
+    assert b"/Image" in pdf  # the figure's points
+
+
+CRASHING = '''
+"""A study whose test ends its process"""
+import os
+
+def test_crash(report):
+    """Crash"""
+    if "CRASH" in os.environ:
+        os._exit(3)
+    assert report.check("claim", 1, 1, source="ours")
+'''
+
+
+def test_a_crash_is_seen_in_the_report(pytester: pytest.Pytester, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What an earlier run recorded must not stand there as if it had been confirmed."""
+    write_study(pytester.path, "crashing", CRASHING)
+    rerun(pytester)
+    monkeypatch.setenv("CRASH", "1")
+    monkeypatch.setenv("PYTHONPATH", str(ROOT))
+    pytester.runpytest_subprocess(*OPTIONS, "-n", "1", "--max-worker-restart=0")
+    assert "a crash of the process" in (pytester.path / "reports" / "crashing.md").read_text()

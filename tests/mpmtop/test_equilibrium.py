@@ -1,0 +1,351 @@
+"""Equilibrium against independent codes and the identities of linear elasticity."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from mpmtop.equilibrium import Model, Solution, checked_solve, discretise, equilibrium
+from mpmtop.grid import Grid
+from mpmtop.objectives import compliance, compliance_gradient
+from mpmtop.points import MaterialPoints, to_gauss_points
+from mpmtop.scene import (
+    Array,
+    LoadOutsideBody,
+    Material,
+    NotConverged,
+    PointLoad,
+    Rectangle,
+    RegionLoad,
+    Support,
+    UnsupportedBody,
+)
+from mpmtop.shape_functions import ShapeFunction, gimp, tent
+from mpmtop.solvers import BandedCholesky, Solve, SuperLU
+from tests.scenes import LEFT_CLAMP, SHAPE_FUNCTIONS, cantilever
+from validation.oracles.extended import full_stiffness
+
+DATA = Path(__file__).parents[2] / "validation" / "data" / "ample"
+ALL = pytest.mark.parametrize("shape_function", SHAPE_FUNCTIONS, ids=lambda f: f.__name__)
+
+
+def ample_model(nx: int, ny: int, shift: float, shape_function: ShapeFunction) -> Model:
+    last_column = RegionLoad(Rectangle((nx - 0.5 + shift, 0), (nx + shift, ny)), (0.0, -1.0))
+    scene = cantilever(nx, ny, shift=shift, load=last_column, material=Material(1e6, 0.3))
+    return discretise(scene, 1.0, shape_function=shape_function, grid=Grid((0, 0), (1, 1), (nx + 2, ny)))
+
+
+@pytest.mark.parametrize("shift", [0.0, 0.3])
+@pytest.mark.parametrize(("name", "shape_function"), [("mpm", tent), ("gimp", gimp)])
+def test_ample(name: str, shape_function: ShapeFunction, shift: float) -> None:
+    """Displacements, stresses and compliance of AMPLE, to 1e-10 of the largest (validation/data/ample/README.md)."""
+    model = ample_model(40, 20, shift, shape_function)
+    state = equilibrium(model, np.full(3200, 1e6))
+    case = f"cantilever40x20_{name}_s{round(100 * shift):03d}"
+
+    nodes = pd.read_csv(DATA / f"{case}_nodes.csv")
+    assert len(nodes) == len(model.transfer.nodes)  # the same nodes are active
+    position = model.grid.node_positions()[model.transfer.nodes]
+    order = nodes.sort_values(["x", "y"])
+    np.testing.assert_array_equal(order[["x", "y"]], position)
+    theirs = order[["ux_lin", "uy_lin"]].to_numpy()
+    np.testing.assert_allclose(state.u.reshape(-1, 2), theirs, rtol=0, atol=1e-10 * np.abs(theirs).max())
+
+    points = pd.read_csv(DATA / f"{case}_points.csv")
+    mine = pd.DataFrame(np.round(model.points.x, 9), columns=["x", "y"])
+    mine[["ux", "uy"]] = model.transfer.interpolate(state.u)
+    mine[["xx", "yy", "xy"]] = model.stress(state.moduli, state.strain)
+    both = points.round({"x": 9, "y": 9}).merge(mine, on=["x", "y"])
+    assert len(both) == len(points) == 200
+    for ours, published in (
+        (["ux", "uy"], ["ux_lin", "uy_lin"]),
+        (["xx", "yy", "xy"], ["sxx_lin", "syy_lin", "sxy_lin"]),
+    ):
+        theirs = both[published].to_numpy()
+        np.testing.assert_allclose(both[ours], theirs, rtol=0, atol=1e-10 * np.abs(theirs).max())
+    np.testing.assert_allclose(0.3 * (both["xx"] + both["yy"]), both["szz_lin"], rtol=0, atol=1e-10)
+
+    published_compliance = {("mpm", 0.3): 3.643223865279e-05, ("gimp", 0.3): 3.590198652812e-05}
+    assert compliance(model, state) == pytest.approx(
+        published_compliance.get((name, shift), 3.410843591618e-05), rel=1e-10
+    )
+
+
+def test_small_cuts() -> None:
+    """A GIMP domain that overlaps the next cell by s = 1e-1 ... 1e-8: AMPLE's compliance, to 1e-10."""
+    cuts = pd.read_csv(DATA / "smallcut_gimp20x10.csv")
+    for s, theirs in zip(cuts["s"], cuts["compliance"], strict=True):
+        model = ample_model(20, 10, s, gimp)
+        state = equilibrium(model, np.full(800, 1e6))
+        assert compliance(model, state) == pytest.approx(theirs, rel=1e-10)
+
+
+@ALL
+@pytest.mark.parametrize("shift", [0.0, 0.25, 0.3, 0.25 + 1e-12, 0.25 - 1e-12])
+def test_clapeyron_and_moduli_identity(shape_function: ShapeFunction, shift: float) -> None:
+    """sum V sigma : eps = f.u, and sum E dC/dE = -C since C is homogeneous of degree -1 in the moduli."""
+    points = discretise(cantilever(), 1.0).points.moved((shift, shift))
+    model = discretise(cantilever(), 1.0, points=points, shape_function=shape_function)
+    moduli = np.random.default_rng(3).uniform(0.1, 1, len(model.points.x))
+    state = equilibrium(model, moduli)
+    C = compliance(model, state)
+    work = np.sum(model.points.volume[:, None] * model.stress(moduli, state.strain) * state.strain)
+    assert work == pytest.approx(C, rel=1e-12)  # backward stable solve of 100 unknowns
+    assert moduli @ compliance_gradient(model, state) == pytest.approx(-C, rel=1e-12)
+
+
+def interior_residual(points: MaterialPoints | None, shape_function: ShapeFunction) -> float:
+    """Largest force of a constant unit stress at nodes all of whose cells are full: zero in equilibrium."""
+    model = discretise(cantilever(10, 8), 1.0, points=points, shape_function=shape_function)
+    stress = np.tile([1.0, 1.0, 1.0], (len(model.points.x), 1))
+    position = model.grid.node_positions()[model.transfer.nodes]
+    inside = Rectangle((3, 3), (7, 5)).contains(position)  # the cubic B-spline's cells reach two nodes further
+    assert np.count_nonzero(inside) == 15
+    return float(np.abs(model.internal_force(stress).reshape(-1, 2)[inside]).max())
+
+
+@ALL
+@pytest.mark.parametrize("shift", [0.0, 0.1, 0.25, 0.3])
+def test_patch_uniform_points(shape_function: ShapeFunction, shift: float) -> None:
+    """Constant stress is in equilibrium in the interior for uniform points at any shift."""
+    points = discretise(cantilever(10, 8), 1.0).points.moved((shift, shift))
+    assert interior_residual(points, shape_function) < 1e-12
+
+
+def test_patch_uneven_points() -> None:
+    """One column pushed over a grid line breaks the patch test of the tent, and far less that of GIMP; domains of
+    unequal size that tile the body do not break GIMP at all."""
+    points = discretise(cantilever(10, 8), 1.0).points
+    pushed = points.moved(np.where(np.isclose(points.x[:, :1], 3.75), [[0.26, 0.0]], 0.0))
+    assert interior_residual(pushed, tent) > 0.2  # one of the four points of each of two cells sits in the wrong one
+    assert interior_residual(pushed, gimp) < 0.6 * interior_residual(pushed, tent)
+
+    edges = np.array([0, 0.3, 1.2, 1.6, 2.5, 3.1, 3.9, 4.7, 5.3, 6.2, 6.9, 7.4, 8.0, 8.9, 9.5, 10.0])
+    x = np.stack(np.meshgrid((edges[1:] + edges[:-1]) / 2, np.arange(0.25, 8, 0.5), indexing="ij"), -1).reshape(-1, 2)
+    half = np.stack(np.broadcast_arrays(np.repeat(np.diff(edges) / 2, 16), 0.25), axis=-1)
+    uneven = MaterialPoints(x, np.prod(2 * half, axis=1), half)
+    assert interior_residual(uneven, gimp) < 1e-12
+    assert interior_residual(uneven, tent) > 0.01
+
+
+def test_uniaxial_tension_is_exact() -> None:
+    """Patch test of the solution: a consistent end traction gives the linear displacement of uniaxial plane stress."""
+    ends = tuple(
+        PointLoad((6.0, float(j)), (1.0 if 0 < j < 3 else 0.5, 0.0), points=0) for j in range(4)
+    )  # unit traction on the nodes of the right edge
+    rollers = (
+        LEFT_CLAMP.__class__(LEFT_CLAMP.region, (True, False)),
+        Support(Rectangle((0, 0), (0, 0)), (False, True)),
+    )
+    scene = cantilever(6, 3, supports=rollers, loads=ends, material=Material(2.0, 0.25, plane="stress"))
+    model = discretise(scene, 1.0)
+    state = equilibrium(model, np.full(len(model.points.x), 2.0))
+    x, y = model.grid.node_positions()[model.transfer.nodes].T
+    exact = np.stack([x / 2, -0.25 * y / 2], axis=1)
+    np.testing.assert_allclose(state.u.reshape(-1, 2), exact, rtol=0, atol=3e-12)
+    np.testing.assert_allclose(model.stress(state.moduli, state.strain), [[1, 0, 0]] * len(model.points.x), atol=3e-12)
+
+
+def test_gauss_points_move() -> None:
+    points = to_gauss_points(discretise(cantilever(2, 1), 1.0).points)
+    offsets = np.abs(points.x - np.floor(points.x) - 0.5)
+    np.testing.assert_allclose(offsets, 0.5 / np.sqrt(3), rtol=1e-14)
+
+
+def test_solvers_agree() -> None:
+    """Banded Cholesky and SuperLU on a half-void design of modulus contrast 1e-9."""
+    moduli = np.where(np.random.default_rng(4).random(800) < 0.5, 1e-9, 1.0)
+    values = []
+    for solver in (BandedCholesky, SuperLU):
+        model = discretise(cantilever(20, 10), 1.0, solver=solver)
+        values.append(compliance(model, equilibrium(model, moduli)))
+    assert values[0] == pytest.approx(values[1], rel=1e-8)  # condition number of the void islands, 1e9, times eps
+
+
+def test_many_right_hand_sides() -> None:
+    model = discretise(cantilever(), 1.0)
+    solve = equilibrium(model, np.ones(128)).solve
+    b = np.random.default_rng(5).normal(size=(len(model.stiffness.dof), 3))
+    np.testing.assert_allclose(solve(b), np.stack([solve(c) for c in b.T], axis=1), rtol=1e-12)
+
+
+def test_void_that_carries_the_load() -> None:
+    """The solid end hangs on void, so |K| |u| is 1e9 |f|: rounding keeps |R| above the tolerance, yet the energy is
+    right to all digits, and equilibrium is accepted. At a contrast of 1e-12 the energy is not, and that is said."""
+
+    def energy(contrast: float, solver: type) -> float:
+        model = discretise(cantilever(12, 6), 1.0, solver=solver)
+        x = model.points.x[:, 0]
+        state = equilibrium(model, np.where((x < 6) | (x > 9), 1.0, contrast))
+        assert state.residual > 1e-9
+        return compliance(model, state)
+
+    assert energy(1e-9, BandedCholesky) == pytest.approx(energy(1e-9, SuperLU), rel=1e-9)  # the tolerance of the energy
+    with pytest.raises(NotConverged, match="raise E_min / E0"):
+        energy(1e-12, BandedCholesky)
+
+
+def test_linear_scene_takes_one_newton_step() -> None:
+    state = equilibrium(discretise(cantilever(), 1.0), np.ones(128))
+    assert state.newton_steps == 1
+    assert state.residual < 1e-9
+
+
+@pytest.mark.parametrize("solver", [BandedCholesky, SuperLU])
+def test_floating_body_is_named(solver: type) -> None:
+    """A body that can rotate about its one held node, and one that floats on a slit of no material."""
+    pin = Support(Rectangle((0, 0), (0, 0)))
+    model = discretise(cantilever(supports=(pin,)), 1.0, solver=solver)
+    # a rotation is a mechanism of many nodes: SuperLU's order leaves its pivot just above rounding, not its residual
+    with pytest.raises((UnsupportedBody, NotConverged), match="support"):
+        equilibrium(model, np.ones(128))
+    roller = Support(Rectangle((0, 0), (8, 0)), (False, True))
+    model = discretise(cantilever(supports=(roller,)), 1.0, solver=solver)
+    with pytest.raises(UnsupportedBody, match="displacement x"):
+        equilibrium(model, np.ones(128))
+    model = discretise(cantilever(), 1.0, solver=solver)
+    with pytest.raises(UnsupportedBody, match="node at"):
+        equilibrium(model, np.where(np.abs(model.points.x[:, 0] - 4) < 1, 0.0, 1.0))
+
+
+def test_misplaced_loads_and_supports_are_named() -> None:
+    with pytest.raises(UnsupportedBody, match="move it onto the body"):
+        discretise(cantilever(supports=(Support(Rectangle((-3, 0), (-2, 4))),)), 1.0)
+    with pytest.raises(LoadOutsideBody, match="no material point"):
+        discretise(cantilever(load=RegionLoad(Rectangle((20, 0), (21, 4)), (0.0, -1.0))), 1.0)
+    with pytest.raises(LoadOutsideBody, match="held nodes only"):
+        discretise(cantilever(load=PointLoad((0.0, 2.0), (0.0, -1.0), points=0)), 1.0)
+    with pytest.raises(LoadOutsideBody, match="lower `points`"):
+        discretise(cantilever(1, 1, load=PointLoad((1.0, 0.5), (0.0, -1.0), points=6)), 1.0)
+    with pytest.raises(ValueError, match="densities"):
+        equilibrium(discretise(cantilever(), 1.0), np.full(128, np.nan))
+
+
+def test_islands_are_named() -> None:
+    """Points that stiff material ties to no support: how many, and from where to where."""
+    model = discretise(cantilever(), 1.0)
+    x = model.points.x
+    for contrast in (0.0, 1e-16):  # no tie at all, and one that is lost in rounding
+        island = (x[:, 0] > 5) & (x[:, 0] < 7) & (x[:, 1] < 2)
+        moduli = np.where(island | (x[:, 0] < 2), 1.0, contrast)
+        with pytest.raises(UnsupportedBody, match="node at") as caught:
+            equilibrium(model, moduli)
+        if contrast > 0:
+            assert "on an island that no support holds, of 16 points from (5.25, 0.25) to (6.75, 1.75)" in str(
+                caught.value
+            )
+        else:  # between the two no node has any stiffness
+            assert "where all material is void" in str(caught.value)
+    everywhere = discretise(cantilever(supports=(Support(Rectangle((0, 0), (0, 0))),)), 1.0)
+    with pytest.raises((UnsupportedBody, NotConverged)) as caught_whole:
+        equilibrium(everywhere, np.ones(128))
+    assert "island" not in str(caught_whole.value)  # held, if by one node
+
+
+@pytest.mark.parametrize("solver", [BandedCholesky, SuperLU])
+def test_mechanism_behind_small_pivots(solver: type) -> None:
+    """A cloud in which a node can move without energy. Rounding leaves its pivot at 2e-11 of the diagonal, far above
+    that of a matrix that is singular to rounding: K v = 0 tells."""
+    rng = np.random.default_rng(60)
+    p = int(rng.integers(6, 80))
+    half = rng.uniform(0.05, 0.5, (p, 2))
+    points = MaterialPoints(rng.uniform((0, 0), (5, 2), (p, 2)), np.prod(2 * half, axis=1), half)
+    model = discretise(cantilever(5, 2), 1.0, points=points, solver=solver)
+    moduli = np.ones(len(model.points.x))
+    K = full_stiffness(model, moduli)
+    root = np.sqrt(np.diag(K))
+    values, vectors = np.linalg.eigh(K / np.outer(root, root))
+    assert values[0] < 1e-15 < 1e-6 < values[1]  # one mechanism
+    with pytest.raises(UnsupportedBody, match="displacement") as caught:
+        equilibrium(model, moduli)
+    dof = model.stiffness.dof[int(np.argmax(np.abs(vectors[:, 0])))]
+    x, y = model.grid.node_positions(model.transfer.nodes[[dof // 2]])[0]
+    assert f"displacement {'xy'[dof % 2]} of the node at ({x:g}, {y:g})" in str(caught.value)
+
+
+def test_checked_solve_mends_a_solver_and_refuses_a_useless_one() -> None:
+    model = discretise(cantilever(), 1.0)
+    moduli = np.ones(128)
+    exact = equilibrium(model, moduli)
+
+    def solution(factor: float, tol: float | None = None) -> Solution:
+        return checked_solve(model, moduli, lambda b: factor * exact.solve(b), model.f_ext, tol=tol)
+
+    assert solution(1.0).steps == 1
+    for factor, steps in ((1 + 1e-4, 3), (1 - 1e-6, 2)):  # every step divides the error by 1e4 and 1e6
+        mended = solution(factor)
+        assert mended.steps == steps
+        np.testing.assert_allclose(mended.u, exact.u, rtol=0, atol=1e-8 * np.abs(exact.u).max())  # tol, and a digit
+    assert solution(1 + 1e-4, tol=1e-3).steps == 1
+    with pytest.raises(NotConverged, match="nearly singular at displacement"):
+        solution(1.2)
+    for useless in (np.nan, -1.0):
+        with pytest.raises(NotConverged, match="nearly singular at displacement"):
+            solution(useless)
+    with pytest.raises(ValueError, match="choose units"):
+        solution(0.0)
+    nothing = checked_solve(model, moduli, exact.solve, np.zeros_like(model.f_ext))
+    assert nothing.steps == 0
+    assert not np.any(nothing.u)
+
+
+def test_an_adjoint_whose_work_on_the_state_is_off_is_refused() -> None:
+    """A solver that misses a part of the state for good: its residual has an energy below the tolerance, and the
+    gradient is wrong by that part all the same. A state at rest has no part to miss."""
+    model = discretise(cantilever(), 1.0)
+    state = equilibrium(model, np.ones(128))
+    free = model.stiffness.dof
+
+    def missing(part: float) -> Solve:
+        u = state.u[free]
+        return lambda b: state.solve(b) - part * u * (b @ u) / (model.f_ext @ state.u)
+
+    def adjoint(part: float, of: Array) -> Solution:
+        return checked_solve(model, state.moduli, missing(part), model.f_ext, state=of, max_steps=1)
+
+    assert adjoint(1e-7, state.u).residual < 1e-6
+    with pytest.raises(NotConverged):
+        adjoint(3e-5, state.u)
+    assert adjoint(0.0, np.zeros_like(state.u)).steps == 1
+
+
+def test_a_soft_part_that_a_small_residual_misses() -> None:
+    """A solver that leaves out the softest of all modes: the residual is below any tolerance, the adjoint wrong."""
+    model = discretise(cantilever(6, 2), 1.0)
+    x = model.points.x[:, 0]
+    moduli = np.where((x < 2) | (x > 3), 1.0, 1e-7)
+    state = equilibrium(model, moduli)
+    K = full_stiffness(model, moduli)
+    values, modes = np.linalg.eigh(K)
+    softest, hard = modes[:, 0], modes[:, values > 1e-3]
+    free = model.stiffness.dof
+    load = np.zeros_like(state.u)
+    load[free] = hard @ np.random.default_rng(0).normal(size=hard.shape[1]) + 1e-8 * softest
+
+    def blind(b: Array) -> Array:
+        u = state.solve(b)
+        return u - (softest @ u) * softest
+
+    known = checked_solve(model, moduli, state.solve, load, state=state.u)
+    unseen = checked_solve(model, moduli, blind, load)
+    assert unseen.residual < 1e-7
+    assert abs((unseen.u - known.u) @ model.f_ext) > 0.01 * abs(known.u @ model.f_ext)  # what a gradient is made of
+    with pytest.raises(NotConverged):
+        checked_solve(model, moduli, blind, load, state=state.u)
+
+
+@pytest.mark.parametrize("force", [1e-170, 1e-200, 1e160, 1e200])
+def test_forces_beyond_double_precision(force: float) -> None:
+    """force^2 is: neither a compliance of zero nor an overflow."""
+    model = discretise(cantilever(load=PointLoad((8.0, 2.0), (0.0, -force))), 1.0)
+    with pytest.raises(ValueError, match="choose units"):
+        equilibrium(model, np.ones(128))
+
+
+def test_points_of_no_or_infinite_size() -> None:
+    x, one = np.ones((1, 2)), np.ones(1)
+    for size in (0.0, -1.0, np.nan, np.inf):
+        for volume, half in ((size * one, x), (one, size * x)):
+            with pytest.raises(ValueError, match="must be positive and finite"):
+                MaterialPoints(x, volume, half)

@@ -1,0 +1,70 @@
+"""The scale study's clock: every CPU second is counted once, and the clock changes no number."""
+
+import time
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mpmtop.problem import DesignProblem
+from mpmtop.solvers import STRESS_TOLERANCE, MultigridCG
+from validation.studies.scale.sizes import (
+    OBJECTIVES,
+    PHASES,
+    Clock,
+    TimedProblem,
+    alone,
+    evaluations,
+    exponents,
+    model_of,
+    peak_memory,
+)
+
+
+def spin(seconds: float) -> None:
+    end = time.process_time() + seconds
+    while time.process_time() < end:
+        pass
+
+
+def test_time_within_another_phase_counts_once() -> None:
+    clock = Clock()
+    with clock("outer"):
+        spin(0.02)
+        with clock("inner"):
+            spin(0.04)
+        spin(0.02)
+    # an exclusive count: 0.04 each, where the inclusive one would make the outer 0.08
+    assert 0.04 <= clock.spent["outer"] < 0.06
+    assert 0.04 <= clock.spent["inner"] < 0.06
+
+
+@pytest.mark.parametrize("objective", OBJECTIVES)
+def test_a_timed_problem_is_the_same_problem(objective: str) -> None:
+    model, clock = model_of(40, objective), Clock()
+    timed = [e.objective for e in islice(evaluations(TimedProblem.of(model, clock), objective), 3)]
+    assert timed == [e.objective for e in islice(evaluations(DesignProblem(model), objective), 3)]
+    assert set(clock.spent) == set(PHASES) - {"update"}  # which `measurement` times around an iteration
+
+
+def test_exponents() -> None:
+    points = np.array([1e5, 1e6, 2e6])
+    assert exponents({"band": 3e-9 * points**2.0}, points)["band"] == pytest.approx(2)
+
+
+def test_the_solver_is_held_to_what_the_objective_sees(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("mpmtop.solvers.MULTIGRID_FROM", 0)
+    compliance, p_norm = (model_of(40, objective).solver for objective in OBJECTIVES)
+    assert isinstance(compliance, MultigridCG)
+    assert isinstance(p_norm, MultigridCG)
+    assert (compliance.tolerance, p_norm.tolerance) == (MultigridCG.tolerance, STRESS_TOLERANCE)
+
+
+@pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="Linux tells the peak of one process alone")
+def test_memory_is_the_process_s_own() -> None:
+    """Not that of the process it was started by, which holds 300 MB more."""
+    ballast = np.ones(40_000_000)
+    assert peak_memory() > ballast.nbytes
+    run = alone(40, "compliance", 1)
+    assert 30e6 < run.peak < peak_memory() - 200e6

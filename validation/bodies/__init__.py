@@ -1,0 +1,1 @@
+"""Bodies with known answers, scenes of the paper, and the families of displacements that move material points."""

@@ -1,0 +1,101 @@
+"""A column under its own weight: AMPLE's finite-strain benchmark, and one linear analysis on the same points.
+
+Column of height l0 = 50 and the width of one cell, E = 1e4, nu = 0, rho g l0 = 4e4, base held, sides on rollers. It is
+statically determinate: the Cauchy stress at the point of initial height Y is -rho g (l0 - Y) whatever the law.
+
+AMPLE's law is Hencky's, the Kirchhoff stress linear in the logarithmic strain. With nu = 0 the width stays, J is the
+stretch l, and l sigma = E ln l, so that E ln(l) / l = -w(Y), w = rho g (l0 - Y). With ln l = -z this is
+z exp(z) = w / E, so z = W(w / E) by Lambert's W, and as d(w / E) = (1 + z) exp(z) dz the height is closed, too:
+
+    y(Y) = int_0^Y l dY = E / (rho g) [z + z^2 / 2] from z(Y) to z(0).
+
+Source: W. M. Coombs and C. E. Augarde, AMPLE, Adv. Eng. Softw. 139 (2020) 102748.
+"""
+
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+from scipy.special import lambertw
+
+from mpmtop.equilibrium import discretise, equilibrium
+from mpmtop.points import MaterialPoints, seed
+from mpmtop.scene import Array, Material, Rectangle, RegionLoad, Scene, Support
+from mpmtop.shape_functions import ShapeFunction
+
+LENGTH = 50.0  # l0
+YOUNG = 1e4
+BASE_STRESS = 4e4  # rho g l0
+AMPLE = Path(__file__).parents[1] / "data" / "ample" / "selfweight_ample.csv"
+
+
+class Deformed(NamedTuple):
+    """Height y (p,) and stretch l (p,) of what was at the heights Y (p,)."""
+
+    y: Array
+    stretch: Array
+
+
+def hencky(Y: Array) -> Deformed:
+    """The column of AMPLE's law in equilibrium, at initial heights Y (p,); see the module's docstring."""
+    z, base = (lambertw(BASE_STRESS / YOUNG * (1 - height / LENGTH)).real for height in (np.asarray(Y), 0.0))
+    height = LENGTH * YOUNG / BASE_STRESS
+    return Deformed(height * ((base + base**2 / 2) - (z + z**2 / 2)), np.exp(-z))
+
+
+class ColumnErrors(NamedTuple):
+    """Stress error sum |sigma_yy - exact| V / (rho g l0 sum V), V being initial volumes or the arrangement's."""
+
+    initial_volume: float
+    volume: float
+
+
+def scene(h: float) -> Scene:
+    """The column, one cell of size h wide; its weight is shared equally by the points, as they have equal mass."""
+    inf = np.inf
+    body = Rectangle((0.0, 0.0), (h, LENGTH))
+    base, left, right = (
+        Rectangle((-inf, -inf), (inf, 0.0)),
+        Rectangle((-inf, -inf), (0.0, inf)),
+        Rectangle((h, -inf), (inf, inf)),
+    )
+    return Scene(
+        name="column",
+        domain=body,
+        supports=(Support(base, (False, True)), Support(left, (True, False)), Support(right, (True, False))),
+        loads=(RegionLoad(body, (0.0, -BASE_STRESS * h)),),
+        filter_radius=h,
+        material=Material(young=YOUNG, poisson=0.0, plane="strain"),
+    )
+
+
+def errors(cells: int, shape_function: ShapeFunction, *, deformed: bool) -> ColumnErrors:
+    """Errors of one linear analysis, l0 / h = `cells`, 2 x 2 points per cell of the undeformed column.
+
+    `deformed` puts the points where Hencky's law takes them, their volumes and half-lengths stretched with them.
+    """
+    h = LENGTH / cells
+    body = scene(h)
+    points = initial = seed(body.domain, (h / 2, h / 2))
+    Y = initial.x[:, 1]
+    if deformed:
+        y, stretch = hencky(Y)
+        points = MaterialPoints(
+            np.stack([initial.x[:, 0], y], axis=1),
+            initial.volume * stretch,
+            initial.half_length * np.stack([np.ones_like(stretch), stretch], axis=1),
+        )
+    model = discretise(body, h, shape_function=shape_function, points=points)
+    state = equilibrium(model, np.full(len(Y), YOUNG))
+    error = np.abs(model.stress(state.moduli, state.strain)[:, 1] + BASE_STRESS * (1 - Y / LENGTH)) / BASE_STRESS
+    by_initial, by_volume = (float(np.average(error, weights=p.volume)) for p in (initial, points))
+    return ColumnErrors(by_initial, by_volume)
+
+
+def ample() -> pd.DataFrame:
+    """AMPLE's results: stress error and smallest displacement [length] by shape function and number of cells."""
+    table = pd.read_csv(AMPLE).rename(columns={"nelsy": "cells", "stress_error_volume_weighted": "error"})
+    return table.replace({"type": {"mpm": "standard", "gimp": "GIMP"}}).set_index(["type", "cells"])[
+        ["error", "min_uy"]
+    ]

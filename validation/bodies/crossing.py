@@ -1,0 +1,115 @@
+"""Induced cell crossing: families of displacements that move material points over cell boundaries, before the analysis.
+
+The paper moves points in x and says neither how far nor which. Every family moves in x only; volumes and half-lengths
+stay. `Uniform` moves the body as a whole; the others keep its outline: a point whose domain could leave the body does
+not move, so that no cell outside is cut. Distances in units of the cell size H = 1.
+"""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from mpmtop.points import MaterialPoints
+from mpmtop.scene import Array, Region
+from validation.bodies.scenes import H
+
+
+class Crossing(Protocol):
+    """A family with its parameters; `str` is its label in reports."""
+
+    def __call__(self, points: MaterialPoints, body: Region) -> MaterialPoints:
+        """The points, moved."""
+        ...
+
+
+@dataclass(frozen=True)
+class Uniform:
+    """Every point by `shift`. With 2 x 2 points per cell the first column crosses at 1/4."""
+
+    shift: float
+
+    def __call__(self, points: MaterialPoints, body: Region) -> MaterialPoints:
+        return points.moved((self.shift, 0.0))
+
+    def __str__(self) -> str:
+        return f"uniform({self.shift:g})"
+
+
+@dataclass(frozen=True)
+class Periodic:
+    """The column left of every `every`-th cell boundary by `distance`: one cell is left with one column of points, its
+    neighbour has three."""
+
+    every: int
+    distance: float = 0.26
+
+    def __call__(self, points: MaterialPoints, body: Region) -> MaterialPoints:
+        boundary = (points.x[:, 0] + points.half_length[:, 0]) / H
+        nearest = np.rint(boundary)
+        pushed = (np.abs(boundary - nearest) < 1e-9) & (nearest % self.every == 0)
+        return moved_inside(points, self.distance * pushed, body)
+
+    def __str__(self) -> str:
+        return f"periodic({self.every}, {self.distance:g})"
+
+
+@dataclass(frozen=True)
+class Wave:
+    """A smooth deformation, `amplitude` sin(2 pi x / `period`), as bodies have: neighbours move almost alike."""
+
+    period: float
+    amplitude: float = 0.26
+
+    def __call__(self, points: MaterialPoints, body: Region) -> MaterialPoints:
+        distance = self.amplitude * np.sin(2 * np.pi * points.x[:, 0] / (self.period * H))
+        return moved_inside(points, distance, body)
+
+    def __str__(self) -> str:
+        return f"wave({self.period:g}, {self.amplitude:g})"
+
+
+@dataclass(frozen=True)
+class Jitter:
+    """Every point by an independent, uniformly distributed distance of at most `amplitude`, but those nearer to an end:
+    had they only one way to go, the ends would move inwards on average."""
+
+    amplitude: float
+    seed: int = 0
+
+    def __call__(self, points: MaterialPoints, body: Region) -> MaterialPoints:
+        distance = np.random.default_rng(self.seed).uniform(-self.amplitude, self.amplitude, len(points.x))
+        return moved_inside(points, distance, body, reach=self.amplitude)
+
+    def __str__(self) -> str:
+        return f"jitter({self.amplitude:g})"
+
+
+def moved_inside(points: MaterialPoints, distance: Array, body: Region, reach: float = 0.0) -> MaterialPoints:
+    """Points moved in x by distance (p,) H, but those whose domain would leave the body there, or `reach` H either way.
+
+    Looked at are the middles of the domain's left and right sides.
+    """
+    sides = points.half_length[:, 0]
+    edges = (points.x + np.outer(way * (sides + H * np.maximum(way * distance, reach)), [1.0, 0.0]) for way in (-1, 1))
+    free = np.logical_and(*(body.contains(edge, 1e-9 * H) for edge in edges))
+    return points.moved(np.outer(np.where(free, distance, 0.0), [H, 0.0]))
+
+
+def integrated_exactly(lower: Array, upper: Array, pieces: int, n: int) -> MaterialPoints:
+    """n x n Gauss points in each of `pieces` x `pieces` equal parts of every cell, or what the body has of it.
+
+    Stiffness is then exact for functions that are polynomials of degree n - 1 at most on the parts: what is left
+    between this and material points on the same body is their quadrature.
+    """
+    nodes, weights = np.polynomial.legendre.leggauss(n)
+    positions, widths = [], []
+    for a, b in zip(lower, upper, strict=True):
+        part = H / pieces
+        lines = part * np.arange(np.floor(a / part) + 1, np.ceil(b / part))
+        breaks = np.concatenate([[a], lines, [b]])
+        half = np.diff(breaks)[:, None] / 2
+        positions.append((breaks[:-1, None] + half * (1 + nodes)).ravel())
+        widths.append((half * weights).ravel())
+    x, width = (np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2) for axes in (positions, widths))
+    return MaterialPoints(x, width.prod(axis=1), width / 2)

@@ -1,0 +1,1 @@
+"""Records, merges, clocks and publishes what studies find; knows no mechanics."""

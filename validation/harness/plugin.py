@@ -1,0 +1,367 @@
+"""Fixtures of the studies (`report`, `lock`, `progress`) and the writing of the report at the end of a run."""
+
+import os
+
+# Read once, when NumPy loads its BLAS: two threads gain little on a quiet machine and lose much on a busy one.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+os.environ.setdefault("MKL_NUM_THREADS", "1")
+
+import csv
+import importlib.metadata
+import pickle
+import platform
+import re
+import shlex
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Generator, Iterable, Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any, Protocol, TextIO, TypeVar
+
+import matplotlib as mpl
+import matplotlib.style
+import numpy as np
+import pytest
+from pytest_regressions.num_regression import NumericRegressionFixture
+from rich.console import Console
+from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+from validation.harness.pages import Measured, count, holding, publish
+from validation.harness.report import Ran, Report, Study, marked, merge, read
+from validation.harness.timed import merge_timed, read_timed
+from validation.measures.drawing import STYLE
+
+Item = TypeVar("Item")
+LONGEST = ("l_bracket", "stability", "multi_resolution", "hole", "work_precision")
+"""Studies that start first, so that processes beside each other end at about the same time."""
+ROOM = "studies"
+"""The folder in which every study has one of its own."""
+SHOWN_AFTER = 2.0  # [s] an iteration shorter than this needs no progress line
+PACKAGES = ("mpmtop", "numpy", "scipy", "scikit-fem", "meshio", "pandas", "matplotlib", "pytest")
+
+
+@dataclass
+class Run:
+    """One pytest session: the recorders of its tests, and the functions they belong to."""
+
+    terminal: TextIO | None
+    started: float = field(default_factory=time.perf_counter)
+    files: set[str] = field(default_factory=set)
+    reports: dict[pytest.Function, Report] = field(default_factory=dict)
+    received: list[Ran] = field(default_factory=list)  # from the workers of pytest-xdist
+    crashed: set[tuple[Path, str]] = field(default_factory=set)  # module and test that ended a worker
+    summary: list[str] = field(default_factory=list)
+    progress: Progress | None = None  # of the running test
+
+
+RUN = pytest.StashKey[Run]()
+
+
+class Lock(Protocol):
+    """Compare numbers with those stored beside the study, to a relative tolerance."""
+
+    def __call__(self, numbers: Mapping[str, float], *, rtol: float) -> None: ...
+
+
+class ShowProgress(Protocol):
+    """Iterate as before, showing label, iteration and elapsed time on a terminal."""
+
+    def __call__(self, iterator: Iterable[Item], label: str) -> Iterator[Item]: ...
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--reports", metavar="DIR", help="folder the validation report is written to (default: reports)")
+    parser.addoption("--benchmark", action="store_true", help="run the tests marked `benchmark`, too: minutes each")
+    parser.addoption("--quick", action="store_true", help="skip the tests marked `slow`")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    mpl.use("Agg")
+    mpl.style.use(STYLE)
+    config.stash[RUN] = Run(_terminal())
+
+
+def pytest_unconfigure(config: pytest.Config) -> None:
+    terminal = config.stash[RUN].terminal
+    if terminal is not None:
+        terminal.close()
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Skip what was not asked for; what the report recorded of it stays. The longest studies go first."""
+    left_out = {
+        "benchmark": (not config.getoption("--benchmark", False), "finest levels: run by --benchmark"),
+        "slow": (config.getoption("--quick", False), "slow: left out by --quick"),
+    }
+    for name, (skipped, reason) in left_out.items():
+        for item in items:
+            if skipped and item.get_closest_marker(name):
+                item.add_marker(pytest.mark.skip(reason=reason))
+    place = {study: k for k, study in enumerate(LONGEST)}
+    items.sort(key=lambda item: place.get(study_of(item.path.parent), len(place)))
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Open the test's recorder before its other fixtures, so that a failing one is seen in the report too."""
+    if isinstance(item, pytest.Function) and "report" in item.fixturenames:
+        if item.cls is not None:
+            raise TypeError(f"{item.name} is a method: a section of the report is a plain function, move it out")
+        run = item.config.stash[RUN]
+        study = study_of(item.path.parent)
+        if not study:
+            raise ValueError(f"{item.path} records for the report: move it to a folder of its own in validation/{ROOM}")
+        benchmark = item.get_closest_marker("benchmark") is not None
+        run.reports[item] = report = Report(study, item.function.__name__, run.files, benchmark)
+        report.cpu = -_cpu_clock()
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[None]) -> Generator[None, Any, Any]:
+    outcome = yield
+    reports = item.config.stash[RUN].reports
+    if isinstance(item, pytest.Function) and item in reports and call.excinfo is not None:
+        if call.excinfo.errisinstance(pytest.skip.Exception):
+            del reports[item]  # it did not run: what an earlier run recorded stays
+        elif not reports[item].ended_by:
+            reports[item].ended_by = call.excinfo.typename
+    if item in reports:
+        reports[item].wall += call.duration
+    if call.when == "teardown" and item in reports:
+        reports[item].cpu += _cpu_clock()
+    if call.when == "teardown" and item in reports and hasattr(item.config, "workeroutput"):
+        # test by test, so that a crash of the worker loses no more than the test that made it crash
+        outcome.user_properties.append(("ran", pickle.dumps(_ran(item, reports[item]))))
+    return outcome
+
+
+def pytest_runtest_logreport(report: Any) -> None:
+    """Take over what a worker of pytest-xdist recorded of a test, or that the test made it crash."""
+    node = getattr(report, "node", None)
+    if node is None:
+        return
+    run: Run = node.config.stash[RUN]
+    run.received += [pickle.loads(ran) for name, ran in report.user_properties if name == "ran"]
+    if report.when == "???":  # pytest-xdist's word for a test whose worker did not come back
+        path, _, function = report.nodeid.partition("::")
+        run.crashed.add((node.config.rootpath / path, function.partition("[")[0]))
+
+
+@pytest.fixture
+def report(request: pytest.FixtureRequest) -> Report:
+    """The section of this test function; parametrised cases append to the same one.
+
+    A run of some cases only leaves the section with those, until the whole function is run again.
+    """
+    return request.config.stash[RUN].reports[request.node]
+
+
+@pytest.fixture
+def lock(num_regression: NumericRegressionFixture, request: pytest.FixtureRequest) -> Lock:
+    """Regression of numbers, by name, against the CSV in the study's folder `locks`; made anew by --force-regen."""
+
+    def check(numbers: Mapping[str, float], *, rtol: float) -> None:
+        absent = [name for name, number in numbers.items() if not np.isfinite(number)]
+        if absent:
+            raise ValueError(f"cannot lock {', '.join(absent)}: not finite")
+        stored = request.path.parent / "locks" / (re.sub(r"\W", "_", request.node.name) + ".csv")
+        renewed = request.config.getoption("force_regen") or request.config.getoption("regen_all")
+        if stored.exists() and not renewed:
+            # num_regression compares the columns it is given and passes over one that is no longer computed
+            with stored.open(encoding="utf-8", newline="") as lines:
+                columns = set(next(csv.reader(lines))) - {""}
+            assert set(numbers) == columns, f"other numbers than {stored.name} holds: rerun with --force-regen if meant"
+        num_regression.check(
+            {name: np.array([number]) for name, number in numbers.items()},
+            fullpath=stored,
+            default_tolerance={"atol": 0.0, "rtol": rtol},
+        )
+
+    return check
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object]:
+    """Show a test that takes over two seconds, and what it counts, on a terminal."""
+    run = item.config.stash[RUN]
+    terminal = run.terminal
+    if terminal is None:
+        return (yield)
+    columns = (SpinnerColumn(), TextColumn("{task.description}{task.fields[count]}"), TimeElapsedColumn())
+    run.progress = line = Progress(
+        *columns, console=Console(file=terminal), transient=True, redirect_stdout=False, redirect_stderr=False
+    )
+    line.add_task(item.name, total=None, count="")
+
+    def start() -> None:
+        terminal.write("\n")  # below pytest's own line, which the progress line would overwrite
+        line.start()
+
+    timer = threading.Timer(SHOWN_AFTER, start)
+    timer.start()
+    try:
+        return (yield)
+    finally:
+        timer.cancel()
+        timer.join()
+        line.stop()
+        run.progress = None
+
+
+@pytest.fixture(scope="session")
+def progress(pytestconfig: pytest.Config) -> ShowProgress:
+    """Count a long iteration in the progress line: `for design in progress(optimise(scene), "cantilever")`."""
+    run = pytestconfig.stash[RUN]
+
+    def show(iterator: Iterable[Item], label: str) -> Iterator[Item]:
+        line = run.progress
+        if line is None:
+            yield from iterator
+            return
+        task = line.add_task(label, total=None, count="")
+        for done, item in enumerate(iterator):
+            line.update(task, count=f", iteration {done}")
+            yield item
+        line.remove_task(task)
+
+    return show
+
+
+def pytest_sessionstart(session: pytest.Session) -> None:
+    """Refuse stores that cannot be read before minutes are spent on what could not be added to them."""
+    try:
+        read(_directory(session.config))
+        read_timed(_directory(session.config))
+    except ValueError as error:
+        raise pytest.UsageError(str(error)) from error
+
+
+def _directory(config: pytest.Config) -> Path:
+    """Where the report is written."""
+    return Path(config.getoption("--reports", None) or config.rootpath / "reports").absolute()
+
+
+def pytest_sessionfinish(session: pytest.Session) -> None:
+    run = session.config.stash[RUN]
+    ran = run.received + [_ran(item, report) for item, report in run.reports.items()]
+    if hasattr(session.config, "workeroutput") or not (ran or run.crashed):
+        return
+    ran.sort(key=lambda test: test.position)
+    directory = _directory(session.config)
+    before = read(directory)
+    studies = _studies(ran, run.crashed, before)
+    reports = [test.report for test in ran]
+    provenance = _provenance(session.config, directory, time.perf_counter() - run.started)
+    timed = read_timed(directory)
+    commit = re.sub(r"^([0-9a-f]{10})[0-9a-f]*", r"commit \1", provenance["commit"])
+    when = f"{provenance['date'][:10]}, {commit}"
+    measured = Measured(timed, merge_timed(timed, reports, studies, provenance["machine"], when))
+    claims = [claim for study in studies for claim in study.claims]
+    verdicts, (hold, checks) = count(claims), holding(claims)
+    claims_run = f"{sum(len(report.claims) for report in reports)} of {len(claims)} claims run"
+    run.summary = [
+        f"report: {directory / 'index.html'}",
+        f"{claims_run}; paper: {verdicts['agrees']} agree, {verdicts['differs']} differ, {verdicts['not stated']} not "
+        f"stated; our checks: {hold} of {checks} hold",
+    ]
+    figures = {f"figures/{file}.svg": svg for report in reports for file, svg in report.figures.items()}
+    for report in reports:
+        place = "benchmark" if report.benchmark else "timed"
+        figures |= {f"{place}/{file}.svg": svg for file, svg in report.timed.figures.items()}
+    publish(directory, list(before.values()), studies, measured, figures, {"claims": claims_run} | provenance)
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: pytest.Config) -> None:
+    for line in config.stash[RUN].summary:
+        terminalreporter.write_line(line)
+
+
+def _ran(item: pytest.Function, report: Report) -> Ran:
+    module = item.module
+    position = item.session.items.index(item)
+    return Ran(position, item.path.parent, module.__doc__, tuple(vars(module)), item.function.__doc__, report)
+
+
+def _studies(ran: Iterable[Ran], crashed: Iterable[tuple[Path, str]], before: Mapping[str, Study]) -> list[Study]:
+    """The studies after this run, by name; those whose module is gone are left out."""
+    by_study: dict[str, list[Ran]] = {}
+    for test in ran:
+        by_study.setdefault(test.report.study, []).append(test)
+    seen = {*(test.folder for test in ran), *(module.parent for module, _ in crashed)}
+    rooms = {_room(folder) for folder in seen}
+    present = {study_of(path.parent) for room in rooms if room for path in room.rglob("test_*.py")}
+    studies = {name: study for name, study in before.items() if name in present}
+    studies |= {name: merge(before.get(name), runs) for name, runs in by_study.items()}
+    lost = {(study_of(module.parent), test) for module, test in crashed}
+    return [marked(studies[name], lost) for name in sorted(studies)]
+
+
+def study_of(folder: Path) -> str:
+    """Name of the page of the study in a folder: `studies/crossing/cantilever` is crossing_cantilever; "" elsewhere."""
+    room = _room(folder)
+    return "_".join(folder.relative_to(room).parts) if room else ""
+
+
+def _room(folder: Path) -> Path | None:
+    """The innermost folder of studies around a folder."""
+    return next((outer for outer in (folder, *folder.parents) if outer.name == ROOM), None)
+
+
+def _cpu_clock() -> float:
+    """CPU seconds of this process and of those it has started and seen end."""
+    times = os.times()
+    return times.user + times.system + times.children_user + times.children_system
+
+
+def _provenance(config: pytest.Config, directory: Path, seconds: float) -> dict[str, str]:
+    """Where the report comes from: shown at the foot of the HTML pages only, as it differs from run to run."""
+    root = config.rootpath
+    # The report is what the run changes: only a change elsewhere makes its numbers another commit's.
+    others = [f":(exclude){directory.relative_to(root)}"] if directory.is_relative_to(root) else []
+    commit = _git(root, "rev-parse", "HEAD")
+    changes = _git(root, "status", "--porcelain", "--", ".", *others)
+    packages = []
+    for name in PACKAGES:
+        with suppress(importlib.metadata.PackageNotFoundError):
+            packages.append(f"{name} {importlib.metadata.version(name)}")
+    return {
+        "commit": (commit or "not a git checkout") + (" with uncommitted changes" if changes else ""),
+        "command": shlex.join(["pytest", *map(str, config.invocation_params.args)]),
+        "date": datetime.now(UTC).isoformat(sep=" ", timespec="seconds"),
+        "duration": f"{seconds:.1f} s",
+        "python": platform.python_version(),
+        "packages": ", ".join(packages),
+        "machine": f"{platform.system()} {platform.machine()}, {_processor()}, {os.cpu_count()} logical cores, "
+        f"BLAS threads: {os.environ['OPENBLAS_NUM_THREADS']}",
+    }
+
+
+def _git(root: Path, *arguments: str) -> str:
+    """Output of a git command, "" where git or the repository is missing."""
+    try:
+        done = subprocess.run(["git", "-C", root, *arguments], capture_output=True, text=True, check=True)
+    except (OSError, subprocess.CalledProcessError):
+        return ""
+    return done.stdout.strip()
+
+
+def _processor() -> str:
+    """Model of the processor: Linux tells it here only, other systems through `platform`."""
+    try:
+        model = re.search(r"model name\s*: (.+)", Path("/proc/cpuinfo").read_text())
+    except OSError:
+        model = None
+    return model[1] if model else platform.processor() or "processor unknown"
+
+
+def _terminal() -> TextIO | None:
+    """The terminal itself, duplicated before pytest captures it; None if there is none to draw on."""
+    if os.environ.get("CI") or not sys.stdout.isatty():
+        return None
+    return os.fdopen(os.dup(sys.stdout.fileno()), "w", encoding="utf-8")

@@ -1,0 +1,1 @@
+"""What is read off an analysis: norms, probes, condition, cost, drawings."""

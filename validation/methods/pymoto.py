@@ -1,0 +1,121 @@
+"""pyMOTO on the cantilever: the same elements, filter, load and problem as `reference_fem.simp`, in its own code.
+
+pyMOTO (MIT, github.com/aatmdelissen/pyMOTO) is a package for modular topology optimisation. It takes the best solver it
+finds: Intel MKL's PARDISO, CHOLMOD, else SuperLU.
+"""
+
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any, NamedTuple
+from unittest.mock import patch
+
+import matplotlib as mpl
+import numpy as np
+
+from mpmtop.equilibrium import discretise
+from mpmtop.problem import DesignProblem
+from mpmtop.scene import Array, Scene
+from validation.bodies.scenes import SPACING, H, cantilever
+from validation.measures.timing import cpu_seconds, iteration
+from validation.methods.analyser import MOVE
+from validation.methods.plain_fem import PlainProblem
+
+with patch.object(mpl, "use"):  # pyMOTO asks for a window as it is imported; the report draws without one
+    import pymoto
+
+
+@dataclass(eq=False)
+class PyMoto:
+    """Compliance of the cantilever `scene` on nx x ny square bilinear elements, one design variable each.
+
+    `step` makes one iteration, `compliance` is that of the design before it.
+    """
+
+    scene: Scene
+    nx: int
+    ny: int
+    move: float
+    design: pymoto.Signal = field(init=False)
+    rho: pymoto.Signal = field(init=False)
+    objective: pymoto.Signal = field(init=False)
+    optimizer: pymoto.MMA = field(init=False)
+
+    def __post_init__(self) -> None:
+        scene = self.scene
+        lower, upper = scene.domain.bounds
+        side = float((upper - lower)[0] / self.nx)
+        domain = pymoto.VoxelDomain(self.nx, self.ny, unitx=side, unity=side)
+        clamped = domain.get_dofnumber(domain.nodes[0, :].ravel(), [0, 1], ndof=2).ravel()
+        self.design = pymoto.Signal("design", np.full(domain.nel, scene.volume_fraction))
+        stiff, contrast = 1 - scene.contrast, scene.contrast
+        with pymoto.Network() as network:
+            self.rho = pymoto.DensityFilter(domain, radius=scene.filter_radius / side)(self.design)
+            moduli = pymoto.MathExpression(f"{contrast} + {stiff}*inp0^{scene.penal}")(self.rho)
+            K = pymoto.AssembleStiffness(
+                domain, bc=clamped, e_modulus=scene.material.young, poisson_ratio=scene.material.poisson
+            )(moduli)
+            f = self._load(domain, side)
+            u = pymoto.LinSolve(symmetric=True, positive_definite=True)(K, f)
+            self.objective = pymoto.EinSum("i,i->")(u, f)
+            volume = pymoto.EinSum("i->")(self.rho)
+            bound = scene.volume_fraction * domain.nel
+            constraint = pymoto.MathExpression(f"inp0/{bound} - 1")(volume)
+        self.optimizer = pymoto.MMA(
+            self.design,
+            [self.objective, constraint],
+            network,
+            move=self.move,
+            xmin=scene.rho_min,
+            xmax=1.0,
+            verbosity=0,
+        )
+
+    def _load(self, domain: Any, side: float) -> Array:
+        """Nodal forces (2n,): each share of the load at an element's centre, a quarter to each of its nodes."""
+        centres = np.array(domain.get_element_position())[:2].T + self.scene.domain.bounds[0]
+        acts = [load.act(centres, 1e-9 * side) for load in self.scene.loads]
+        positions, forces = (np.concatenate(part) for part in zip(*acts, strict=True))
+        element = np.argmin(np.linalg.norm(centres - positions[:, None], axis=2), axis=1)
+        f = np.zeros((domain.nnodes, 2))
+        np.add.at(f, domain.conn[element], forces[:, None] / 4)
+        return f.ravel()
+
+    @property
+    def compliance(self) -> float:
+        """Objective of the design that was analysed last."""
+        return float(self.objective.state)
+
+    @property
+    def element_densities(self) -> Array:
+        """Physical densities (e,) of that design, in the order of `reference_fem`'s lattice: along y first."""
+        return np.asarray(self.rho.state).reshape(self.ny, self.nx).T.ravel()
+
+    def step(self) -> float:
+        """Analysis, sensitivities and one MMA update; the compliance of the design analysed comes back."""
+        self.optimizer.x, *_ = self.optimizer.step()
+        return self.compliance
+
+
+class Iteration(NamedTuple):
+    """CPU seconds of one iteration, the median of repeats, and the compliance of the design that the last analysed."""
+
+    seconds: float
+    compliance: float
+
+
+def iterations(nx: int, ny: int, repeats: int) -> dict[str, Iteration]:
+    """Iterations of each code with nx x ny design variables, taken in turn; the filter's radius is three of them."""
+    spacing = SPACING * 80 / nx
+    scene = cantilever(radius=3 * spacing)
+    steps = {
+        "mpmtop": iteration(DesignProblem(discretise(scene, 2 * spacing * H, 2))),
+        "pyMOTO": PyMoto(scene, nx, ny, MOVE).step,
+        "plain scikit-fem": iteration(PlainProblem(scene, nx, ny)),
+    }
+    compliance = {}
+
+    def step(code: str) -> None:
+        compliance[code] = steps[code]()
+
+    seconds = cpu_seconds({code: partial(step, code) for code in steps}, repeats)
+    return {code: Iteration(seconds[code], compliance[code]) for code in steps}

@@ -1,0 +1,1 @@
+"""Slow and right: references that share no equation with the solvers; tests may import them."""

@@ -1,0 +1,444 @@
+"""L-bracket (Figs. 10, 11)
+
+Stress without cell crossing. An L-bracket of two arms 20h wide in a 50h square, clamped at the top, with a force on
+the corner of the lower arm: 6,400 material points, 1,600 cells. The p-norm (p = 12) of the relaxed von Mises stress
+rho^q vm (q = 0.5) is minimised at 40 % of the volume. Units: h = F = E0 = 1, so stress is in F/h. **Our choices**:
+filter radius 1h = 2 point spacings, `rho_min` = 1e-3, E_min = 1e-9 E0, and vm is the stress of solid material under
+the local strain (the paper does not say which modulus), sigma_zz of plane strain included.
+
+The optimiser is GCMMA with its conservative inner loop, move limit 0.3, its curvature warm-started, which gets
+further with the same solves; the section on update rules shows the others. The **fine reference** is the
+cantilever's: biquadratic elements, 2 x 2 for each material point, stress at their centres; each counts as a quarter in
+the p-norm, so that it equals the paper's definition with one element for each point.
+"""
+
+from itertools import takewhile
+from typing import Any
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+import pytest
+from joblib import Parallel, delayed
+
+from mpmtop.optimize import GCMMA, MMA, SingleStepGCMMA, UpdateRule, optimize
+from mpmtop.scene import Array, Compliance
+from reference_fem.reanalyse import Judge, build_judge, judge_stress
+from validation import paper
+from validation.bodies.scenes import CORNER, SPACING, l_bracket
+from validation.harness.plugin import Lock, ShowProgress
+from validation.harness.report import Report
+from validation.measures.drawing import draw_design, draw_points
+from validation.measures.timing import cpu_seconds, evaluation_with_gradient
+from validation.methods.analyser import JOBS, METHODS, MOVE, PAPER_RULE, ROUNDING_RISE, Analyser, Design, Optimisation
+
+WARM = GCMMA(move=MOVE, warm_start=True)
+SOLVES = 500
+"""Solves each update rule is given for the comparison."""
+RULES: dict[str, UpdateRule] = {
+    "GCMMA": PAPER_RULE,
+    "single-step GCMMA": SingleStepGCMMA(move=MOVE),
+    "MMA": MMA(move=MOVE),
+}
+SHOWN = (10, 30, 60, 120)
+RTOL_OPTIMUM = 0.03
+"""Rounding of another processor is amplified over 250 iterations of an objective with p = 12 and many near-optima,
+whose values differ by one to two per cent."""
+RTOL_ANALYSIS = 1e-8
+"""One analysis of a given design, condition number 1e6."""
+
+
+@pytest.fixture(scope="module")
+def analysers() -> dict[str, Analyser]:
+    scene = l_bracket()
+    return {name: build(scene) for name, build in METHODS.items()}
+
+
+def optimise(method: str, rule: UpdateRule, solves: int | None) -> Optimisation:
+    """One run, of at most so many solves; a function of the module, for joblib."""
+    analyser = METHODS[method](l_bracket())
+    iterates = optimize(analyser.problem, rule, max_iterations=500)
+    return Optimisation.collect(takewhile(lambda i: solves is None or i.solves <= solves, iterates), analyser, SHOWN)
+
+
+@pytest.fixture(scope="module")
+def runs(progress: ShowProgress) -> dict[str, Optimisation]:
+    """Every method to convergence, and standard MPM by every rule for the same number of solves.
+
+    GIMP's problem is standard MPM's, number by number, as `test_optimisation` checks: so is its run.
+    """
+    # FEM first: it takes as long as all others together
+    cases: dict[str, tuple[str, UpdateRule, int | None]] = {n: (n, WARM, None) for n in ("FEM", "standard")}
+    cases |= {name: ("standard", rule, SOLVES) for name, rule in RULES.items()}
+    done = Parallel(n_jobs=JOBS, return_as="generator")(delayed(optimise)(*case) for case in cases.values())
+    results = dict(zip(cases, progress(done, "L-bracket runs"), strict=True))
+    return results | {"GIMP": results["standard"]}
+
+
+@pytest.fixture(scope="module")
+def judge(analysers: dict[str, Analyser]) -> Judge:
+    return build_judge(l_bracket(), analysers["standard"].x, analysers["standard"].half_length)
+
+
+def relaxed(analyser: Analyser, rho: Array) -> Array:
+    """rho^q vm (p,) by the method itself."""
+    return np.sqrt(rho) * analyser.solid_von_mises(analyser.problem.analyse(rho))
+
+
+def clearance(design: Design) -> float:
+    """Distance from the re-entrant corner to the nearest point of density 0.5 or more."""
+    return float(np.linalg.norm(design.x - CORNER, axis=1)[design.rho >= 0.5].min())
+
+
+def test_initial_stress(report: Report, lock: Lock, analysers: dict[str, Analyser]) -> None:
+    """Before optimisation (Fig. 10)
+
+    No domain leaves its cell, so standard MPM and GIMP are one, as on the cantilever. The corner is singular: its peak
+    grows with resolution, and the finite elements, a displacement field twice as fine, see more of it.
+    """
+    standard, gimp = analysers["standard"], analysers["GIMP"]
+    holds = [
+        report.check(
+            "number of material points", len(standard.x), int(paper.L_BRACKET_POINTS.value), source="Sect. 5.1.2"
+        )
+    ]
+    start = {name: a.problem.evaluate(a.problem.x0) for name, a in analysers.items()}
+    solid = {name: a.problem.analyse(np.ones(len(a.x))) for name, a in analysers.items()}
+    vm = {name: a.design(a.solid_von_mises(solid[name])).at(standard.x) for name, a in analysers.items()}
+    gradient = [a.problem.gradient(start[a.name])[0] for a in (standard, gimp)]
+    identical = {
+        "displacement": (solid["standard"].u, solid["GIMP"].u),
+        "von Mises stress": (vm["standard"], vm["GIMP"]),
+        "p-norm sensitivity": (gradient[0], gradient[1]),
+    }
+    holds += [
+        report.check(
+            f"{what}, standard against GIMP: largest difference over largest value",
+            float(np.abs(a - b).max() / np.abs(a).max()),
+            at_most=1e-14,
+            source="Sect. 5.1.2: identical",
+        )
+        for what, (a, b) in identical.items()
+    ]
+    table = pd.DataFrame(
+        {
+            "p-norm, uniform 0.4": {name: evaluation.objective for name, evaluation in start.items()},
+            "p-norm, solid": {name: evaluation.objective for name, evaluation in solid.items()},
+            "largest von Mises stress, solid": {name: float(field.max()) for name, field in vm.items()},
+        }
+    )
+    report.table("initial", table.rename_axis("method"), "Stress measures before optimisation [F/h].")
+    figure, axes = plt.subplots(1, 3, figsize=(8.0, 3.2), sharey=True)
+    limit = float(np.percentile(vm["standard"], 99.5))
+    for ax, (name, field) in zip(axes, vm.items(), strict=True):
+        drawn = draw_points(
+            ax, standard.x, standard.half_length, field, vmin=0, vmax=limit, label="von Mises stress [F/h]"
+        )
+        ax.set(title=name, ylabel="y / h" if ax is axes[0] else "")
+    figure.colorbar(drawn, ax=axes, label=drawn.get_label(), extend="max", shrink=0.8)
+    report.figure(
+        "initial_stress", figure, "Von Mises stress of the solid bracket; colours end at the 99.5th percentile."
+    )
+    lock({f"p-norm at uniform 0.4, {name}": e.objective for name, e in start.items()}, rtol=RTOL_ANALYSIS)
+    assert all(holds)
+
+
+@pytest.mark.slow
+def test_optimisation(
+    report: Report, lock: Lock, analysers: dict[str, Analyser], runs: dict[str, Optimisation]
+) -> None:
+    """Optimisation (Fig. 11)
+
+    GCMMA accepts no design that is worse than the last. GIMP's problem is standard MPM's, number by number: one run is
+    both. The optimum spreads the load so that the stress is nearly even,
+    and **keeps material at the re-entrant corner**, where the paper's design avoids it. At points 0.35 h from the
+    corner the stress of the solid (table above) is only moderately above the even stress that 40 % of the volume has to
+    carry: this p-norm gains little from rounding the corner off. A finer analysis raises the corner's peak, and with it
+    what rounding gains.
+    """
+    done = {name: runs[name] for name in METHODS}
+    stress = {name: relaxed(analysers[name], run.design.rho) for name, run in done.items()}
+    tabulate(report, done, stress)
+    standard = done["standard"]
+    holds = [
+        report.check(
+            "optimised p-norm, standard [F/h]", standard.final, at_most=1.22, source="independent prototype: 1.211"
+        ),
+        report.check(
+            "largest rho^q vm, standard [F/h]", float(stress["standard"].max()), at_most=0.93, source="our bound"
+        ),
+        report.check(
+            "iterations in which the p-norm rose, all methods",
+            sum(int(np.sum(run.rise > ROUNDING_RISE)) for run in done.values()),
+            0,
+            source="acceptance test of GCMMA; the paper: almost monotonic",
+        ),
+        report.check(
+            "excess of the volume fraction over 0.4, all methods",
+            max(0.0, *(float(run.volume[-1]) - 0.4 for run in done.values())),
+            at_most=1e-6,
+            source="our bound on Eq. (8)",
+        ),
+        report.check(
+            "problems of standard and GIMP have one hash of all numbers that an iterate depends on",
+            analysers["standard"].problem.fingerprint == analysers["GIMP"].problem.fingerprint,
+            True,
+            source="Sect. 5.1.2: identical",
+        ),
+        report.check(
+            "iterations to convergence, standard, curvature warm-started",
+            standard.iterations,
+            at_least=201,
+            source="Fig. 11: more than 201",
+        ),
+    ]
+    report.check(
+        "distance from the re-entrant corner to the nearest material, standard [h]",
+        clearance(standard.design),
+        at_least=2 * SPACING,  # nearer than that is the corner, for points at this spacing
+        source="Sect. 5.1.2: no material at the internal corner",
+    )
+    draw_optimisation(report, analysers, done, stress)
+    lock({f"optimised p-norm, {name}": run.final for name, run in done.items()}, rtol=RTOL_OPTIMUM)
+    assert all(holds)
+
+
+def tabulate(report: Report, done: dict[str, Optimisation], stress: dict[str, Array]) -> None:
+    table = pd.DataFrame.from_dict(
+        {
+            name: {
+                "p-norm": run.final,
+                "largest rho^q vm": stress[name].max(),
+                "iterations": run.iterations,
+                "solves": run.solves[-1],
+                "volume fraction": run.volume[-1],
+                "grayness": run.design.grayness,
+                "corner to material [h]": clearance(run.design),
+            }
+            for name, run in done.items()
+        },
+        orient="index",
+    )
+    report.table(
+        "optimisation",
+        table.rename_axis("method"),
+        "Optimised brackets, each measured by the method that made it. Last column: distance from the re-entrant "
+        "corner to the nearest point of density 0.5 or more (0.35 h in the solid).",
+    )
+
+
+def draw_optimisation(
+    report: Report, analysers: dict[str, Analyser], done: dict[str, Optimisation], stress: dict[str, Array]
+) -> None:
+    figure, (top, bottom) = plt.subplots(2, 1, figsize=(5.0, 5.0), sharex=True, height_ratios=(2, 1))
+    for name, run in done.items():
+        top.semilogy(run.objective, label=name)
+        bottom.plot(run.volume)
+    top.set(ylabel="p-norm [F/h]", yticks=(1, 2, 5, 10), yticklabels=("1", "2", "5", "10"))
+    top.minorticks_off()
+    top.legend()
+    bottom.set(xlabel="iteration", ylabel="volume fraction", ylim=(0.35, 0.42))
+    report.figure("history", figure, "p-norm and volume fraction; standard and GIMP are one line.")
+
+    standard, fem = done["standard"], done["FEM"]
+    panels = {f"iteration {k}: {standard.objective[k]:.4g}": design for k, design in standard.designs.items()}
+    panels[f"FEM, {fem.iterations}: {fem.final:.4g}"] = fem.design
+    figure, axes = plt.subplots(2, 3, figsize=(7.0, 5.2), sharex=True, sharey=True)
+    for ax, (title, design) in zip(axes.flat, panels.items(), strict=True):
+        draw_design(ax, design.x, design.half_length, design.rho)
+        ax.set(title=title)
+        ax.label_outer()
+    report.figure("layouts", figure, "Densities and p-norm of standard MPM on its way, and of FEM at its end.")
+
+    figure, axes = plt.subplots(1, 2, figsize=(7.0, 3.4), sharey=True)
+    limit = float(max(field.max() for field in stress.values()))
+    for ax, name in zip(axes, ("standard", "FEM"), strict=True):
+        a = analysers[name]
+        drawn = draw_points(ax, a.x, a.half_length, stress[name], vmin=0, vmax=limit, label="rho^q vm [F/h]")
+        ax.set(title=name)
+        ax.label_outer()
+    figure.colorbar(drawn, ax=axes, label=drawn.get_label())
+    report.figure(
+        "final_stress", figure, "Relaxed von Mises stress of the optimised brackets: nearly even along the arch."
+    )
+
+
+@pytest.mark.slow
+def test_reduction(report: Report, analysers: dict[str, Analyser], runs: dict[str, Optimisation]) -> None:
+    """The paper's "p-norm reduced by 97 %", under five definitions
+
+    The paper gives no initial or final value, and Eq. (9) does not say which modulus the stress is taken with; its two
+    lines differ in the exponent of rho^q. From the same start (uniform 0.4) to the same design of ours:
+    """
+    a = analysers["standard"]
+    start, end = np.full(len(a.x), 0.4), runs["standard"].design.rho
+    scene = l_bracket()
+    p, q = scene.objective.p, scene.objective.q  # type: ignore[union-attr]
+
+    def norm(s: Array) -> float:
+        return float(s.max() * np.sum((s / s.max()) ** p) ** (1 / p))
+
+    def measures(rho: Array) -> dict[str, float]:
+        vm = a.solid_von_mises(a.problem.analyse(rho))
+        real = (scene.contrast + rho**scene.penal) * vm
+        return {
+            "Eq. (9), first line, solid stress (ours)": norm(rho**q * vm),
+            "Eq. (9), second line, solid stress": norm(rho ** (q / p) * vm),
+            "Eq. (9), first line, stress of the SIMP modulus": norm(rho**q * real),
+            "largest relaxed solid stress": float((rho**q * vm).max()),
+            "p-norm of unrelaxed solid stress: all points at the start, rho > 0.5 at the end": norm(
+                np.where(rho > 0.5, vm, 0)
+            )
+            if rho.max() > 0.5
+            else norm(vm),
+        }
+
+    table = pd.DataFrame({"initial": measures(start), "final": measures(end)})
+    table["change"] = table["final"] / table["initial"] - 1
+    report.table("reduction", table.rename_axis("measure"), "Standard MPM [F/h].", 4)
+    report.check(
+        "reduction of the p-norm, Eq. (9) first line",
+        float(-table["change"].iloc[0]),
+        paper.L_BRACKET_REDUCTION.value,
+        rtol=0.01,
+        source=paper.L_BRACKET_REDUCTION.where,
+    )
+    report.text(
+        "The paper's 97 % holds under none of them. Possible reasons, which the paper does not let us test: an "
+        "initial design with more stress than a uniform bracket at the volume fraction, or a stress measured with "
+        "another power of rho."
+    )
+    assert table["final"].iloc[0] < table["initial"].iloc[0]
+
+
+@pytest.mark.slow
+def test_fine_reference(report: Report, lock: Lock, runs: dict[str, Optimisation], judge: Judge) -> None:
+    """Every final design on the fine reference
+
+    Each method is blind to what its own displacement field cannot resolve. Standard MPM and GIMP optimise four
+    densities in each cell over one bilinear displacement: where the optimiser leaves grey details smaller than a cell,
+    the points miss the stress there. Finite elements with one element for each density see most of it. The values that
+    MPM and FEM report for their own optima are nearly equal; on the reference the designs are far apart, **all of it in
+    grey material**: where rho >= 0.5 the largest stresses are alike. The p-norm of a grey, jagged or singular stress
+    field grows with refinement (compare 1 x 1 and 2 x 2), so the ratio shows that MPM misses stress, not how much. The
+    paper does not re-analyse its designs.
+    """
+    names = {"standard": "standard and GIMP, GCMMA warm", "FEM": "FEM, GCMMA warm"}
+    names |= {rule: f"standard, {rule}, {SOLVES} solves" for rule in RULES}
+    rows: dict[str, dict[str, Any]] = {}
+    fields: dict[str, Array] = {}
+    points = runs["standard"].design
+    coarse = build_judge(l_bracket(), points.x, points.half_length, split=1)
+    for run, name in names.items():
+        rho = runs[run].design.at(points.x)  # the points the judges were built on
+        stress = judge_stress(judge, rho, judge(rho))
+        fields[run] = stress.s
+        rows[name] = {
+            "p-norm by its method": runs[run].final,
+            "p-norm, 1 x 1": judge_stress(coarse, rho, coarse(rho)).p_norm,
+            "p-norm, 2 x 2": stress.p_norm,
+            "largest rho^q vm, 2 x 2": stress.largest,
+            "the same where rho >= 0.5": float(stress.s[rho[judge.owner] >= 0.5].max()),
+        }
+    table = pd.DataFrame.from_dict(rows, orient="index").rename_axis("design")
+    report.table(
+        "fine_reference",
+        table,
+        "Stress measures of the final designs [F/h] by their methods and on the fine reference, k x k biquadratic "
+        "elements for each point. The rows of 500 solves are the last iterates of unfinished runs.",
+        4,
+    )
+    fine = {run: rows[name]["p-norm, 2 x 2"] for run, name in names.items()}
+    report.check(
+        "p-norm on the fine reference (2 x 2), design of standard MPM over that of FEM",
+        fine["standard"] / fine["FEM"],
+        source="Sect. 5.1.2 gives MPM's own value only",
+    )
+    close = report.check(
+        "p-norm of FEM's design, fine reference (2 x 2) over its own value",
+        fine["FEM"] / runs["FEM"].final,
+        at_most=1.25,  # the singular corner alone adds 9 % to the p-norm of the uniform start
+        source="resolution of one element for each density",
+    )
+    draw_fine_stress(report, judge, fields)
+    # the value of MPM's design hangs on grey details that another rounding places elsewhere: not locked
+    lock({"FEM": fine["FEM"]}, rtol=0.1)
+    assert close
+
+
+def draw_fine_stress(report: Report, judge: Judge, fields: dict[str, Array]) -> None:
+    figure, axes = plt.subplots(1, 2, figsize=(7.0, 3.4), sharey=True)
+    centres = judge.model.centres
+    for ax, run in zip(axes, ("standard", "FEM"), strict=True):
+        drawn = draw_points(
+            ax, centres, np.full_like(centres, SPACING / 4), fields[run], vmin=0, vmax=1.5, label="rho^q vm [F/h]"
+        )
+        ax.set(title=f"design of {run}")
+        ax.label_outer()
+    figure.colorbar(drawn, ax=axes, label=drawn.get_label(), extend="max")
+    report.figure("fine_reference", figure, "Relaxed stress of the optimised designs on the fine reference.")
+
+
+def best_feasible(run: Optimisation) -> Array:
+    """Least objective of any feasible design up to every iteration."""
+    return np.minimum.accumulate(np.where(run.volume <= 0.4 * (1 + 1e-6), run.objective, np.inf))
+
+
+@pytest.mark.slow
+def test_update_rules(report: Report, lock: Lock, runs: dict[str, Optimisation]) -> None:
+    """Update rules, by number of solves
+
+    A conservative step costs several solves. Whether monotonicity pays is a matter of the objective reached per solve,
+    not per iteration: every rule is given 500 solves. "GCMMA, warm" starts each inner loop at half the last curvature.
+    """
+    shown = {"GCMMA, warm": runs["standard"]} | {name: runs[name] for name in RULES}
+    figure, ax = plt.subplots()
+    rows: dict[str, dict[str, Any]] = {}
+    for name, run in shown.items():
+        used = run.solves <= SOLVES
+        best = best_feasible(run)[used]
+        ax.semilogy(run.solves[used], best, label=name)
+        rows[name] = {
+            "best feasible p-norm": best[-1],
+            "iterations": int(used.sum()) - 1,
+            "solves": run.solves[used][-1],
+            "iterations in which the p-norm rose": int(np.sum(run.rise[: used.sum() - 1] > ROUNDING_RISE)),
+        }
+    ax.set(xlabel="solves", ylabel="best feasible p-norm [F/h]", ylim=(1.1, 12), yticks=(1.2, 2, 5, 10))
+    ax.set_yticklabels(["1.2", "2", "5", "10"])
+    ax.minorticks_off()
+    ax.legend()
+    report.figure("update_rules", figure, "Best feasible p-norm of standard MPM against the solves spent.")
+    table = pd.DataFrame.from_dict(rows, orient="index").rename_axis("rule")
+    report.table("update_rules", table, f"Standard MPM after at most {SOLVES} solves.")
+    monotone = report.check(
+        "iterations in which the p-norm rose, both GCMMA",
+        rows["GCMMA"]["iterations in which the p-norm rose"]
+        + rows["GCMMA, warm"]["iterations in which the p-norm rose"],
+        0,
+        source="Svanberg (2002)",
+    )
+    least = min(rows, key=lambda name: rows[name]["best feasible p-norm"])
+    report.check("rule with the least p-norm after 500 solves", least, source="not compared there")
+    lock(
+        {name: run.final for name, run in shown.items() if "GCMMA" in name and "single" not in name}, rtol=RTOL_OPTIMUM
+    )
+    assert monotone
+
+
+def test_cost(report: Report) -> None:
+    """Cost of a p-norm evaluation with its gradient, beside compliance on the same scene
+
+    The adjoint takes one more solve with the factorisation of the state, no second factorisation.
+    """
+    problems = {
+        "p-norm": METHODS["standard"](l_bracket()).problem,
+        "compliance": METHODS["standard"](l_bracket(objective=Compliance())).problem,
+    }
+    seconds = cpu_seconds({name: evaluation_with_gradient(problem) for name, problem in problems.items()})
+    report.timing(
+        "CPU time of one evaluation with its gradient, compliance over p-norm",
+        seconds["compliance"] / seconds["p-norm"],
+        at_least=0.5,
+        source="one more solve, no second factorisation",
+    )

@@ -1,0 +1,242 @@
+"""Scale: the phases of an iteration timed apart, from thousands of material points to millions."""
+
+import re
+import time
+from collections import defaultdict
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from functools import partial
+from itertools import islice
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from mpmtop.design import DensityFilter
+from mpmtop.equilibrium import Model, discretise
+from mpmtop.optimize import GCMMA, initial_state
+from mpmtop.problem import DesignProblem, Evaluation
+from mpmtop.scene import Array, Compliance, PNormStress
+from mpmtop.solvers import STRESS_TOLERANCE, BandedCholesky, MultigridCG, Pattern, Solve, Solver
+from validation.bodies.scenes import SPACING, H, cantilever
+from validation.measures.timing import cpu_seconds, in_own_process
+from validation.methods.analyser import MOVE
+
+ChosenBy = Callable[[Pattern], Solver]
+
+OBJECTIVES = {"compliance": Compliance(), "p-norm": PNormStress(12, 0.5)}
+MOVES = {"compliance": MOVE, "p-norm": 0.05}
+PHASES = ("moduli to K", "factorisation", "solve", "residual, objective", "gradient", "filter", "update")
+"""Of an iteration. A factorisation sets up the hierarchy where multigrid solves; the gradient is that by densities,
+without the adjoint's solve, which counts as one; the update is the MMA subproblem."""
+
+
+class Clock:
+    """CPU seconds by phase; time spent in a phase within another counts to the inner one alone."""
+
+    def __init__(self) -> None:
+        self.spent: defaultdict[str, float] = defaultdict(float)
+        self._running: list[str] = []
+        self._since = 0.0
+
+    @contextmanager
+    def __call__(self, phase: str) -> Iterator[None]:
+        self._lap()
+        self._running.append(phase)
+        try:
+            yield
+        finally:
+            self._lap()
+            self._running.pop()
+
+    def _lap(self) -> None:
+        now = time.process_time()
+        if self._running:
+            self.spent[self._running[-1]] += now - self._since
+        self._since = now
+
+
+@dataclass(frozen=True, eq=False)
+class TimedMap:
+    """A map from moduli to entries of K, timed."""
+
+    inner: Any
+    clock: Clock
+
+    def __matmul__(self, moduli: Array) -> Array:
+        with self.clock("moduli to K"):
+            return self.inner @ moduli
+
+
+@dataclass(frozen=True, eq=False)
+class TimedSolver:
+    """A solver, timed."""
+
+    inner: Solver
+    clock: Clock
+
+    @property
+    def tolerance(self) -> float:
+        return self.inner.tolerance
+
+    def factor(self, data: Array) -> Solve:
+        with self.clock("factorisation"):
+            solve = self.inner.factor(data)
+
+        def timed(b: Array) -> Array:
+            with self.clock("solve"):
+                return solve(b)
+
+        return timed
+
+
+@dataclass(frozen=True, eq=False)
+class TimedFilter(DensityFilter):
+    """A density filter, timed."""
+
+    clock: Clock = field(kw_only=True)
+
+    def __call__(self, design: Array) -> Array:
+        with self.clock("filter"):
+            return super().__call__(design)
+
+    def adjoint(self, gradient: Array) -> Array:
+        with self.clock("filter"):
+            return super().adjoint(gradient)
+
+
+class TimedProblem(DesignProblem):
+    """A design problem whose phases are timed."""
+
+    clock: Clock
+
+    @classmethod
+    def of(cls, model: Model, clock: Clock) -> "TimedProblem":
+        """The problem of a model, its filter built."""
+        maps: Any = tuple(TimedMap(part, clock) for part in model.stiffness.maps)
+        timed = replace(model, stiffness=replace(model.stiffness, maps=maps), solver=TimedSolver(model.solver, clock))
+        problem = cls(timed)
+        problem.__dict__ |= {
+            "clock": clock,
+            "filter": TimedFilter(problem.filter.matrix, problem.filter.offset, clock=clock),
+        }
+        return problem
+
+    def evaluate(self, design: Array) -> Evaluation:
+        with self.clock("residual, objective"):
+            return super().evaluate(design)
+
+    def density_gradient(self, evaluation: Evaluation) -> Array:
+        with self.clock("gradient"):
+            return super().density_gradient(evaluation)
+
+
+class Measurement(NamedTuple):
+    """Size, CPU seconds to build the operators and the filter, those of every phase of every iteration, objectives of
+    the designs, and the peak memory of the process [bytes] if it was its own."""
+
+    points: int
+    unknowns: int
+    solver: str
+    built: dict[str, float]
+    iterations: list[dict[str, float]]
+    objective: Array
+    peak: float = np.nan
+
+    @property
+    def median(self) -> dict[str, float]:
+        """CPU seconds by phase, medians over the iterations."""
+        return {phase: float(np.median([spent[phase] for spent in self.iterations])) for phase in PHASES}
+
+    @property
+    def totals(self) -> Array:
+        """CPU seconds of each iteration."""
+        return np.array([sum(spent.values()) for spent in self.iterations])
+
+
+def model_of(nx: int, objective: str, solver: ChosenBy | None = None) -> Model:
+    """The cantilever with nx x nx / 2 points, 2 x 2 in a cell; the filter's radius is three spacings."""
+    spacing = SPACING * 80 / nx
+    scene = cantilever(radius=3 * spacing, objective=OBJECTIVES[objective])
+    return discretise(scene, 2 * spacing * H, 2, solver=solver)
+
+
+def evaluations(problem: DesignProblem, objective: str) -> Iterator[Evaluation]:
+    """Those of GCMMA with one solve an iteration, from the uniform start on, without end.
+
+    Without its conservative solves a p-norm needs a small move limit, or its designs become noise.
+    """
+    rule = GCMMA(move=MOVES[objective], max_inner=1)
+    evaluation = problem.evaluate(problem.x0)
+    state = initial_state(problem, evaluation)
+    while True:
+        yield evaluation
+        state, evaluation, _ = rule.step(problem, state, evaluation, *problem.gradient(evaluation))
+
+
+def measurement(nx: int, objective: str, iterations: int) -> Measurement:
+    """So many iterations, timed; the first, which also filters the gradient of the volume once for all, is left out."""
+    clock = Clock()
+    with clock("operators"):
+        model = model_of(nx, objective)
+    with clock("filter built"):
+        problem = TimedProblem.of(model, clock)
+    built = dict(clock.spent)
+    spent, objectives = [], []
+    run = evaluations(problem, objective)
+    for _ in range(iterations + 2):
+        clock.spent.clear()
+        with clock("update"):
+            objectives.append(next(run).objective)
+        spent.append(dict(clock.spent))
+    size = len(model.points.x), len(model.stiffness.dof), type(model.solver).__name__
+    return Measurement(*size, built, spent[2:], np.array(objectives))
+
+
+def peak_memory() -> float:
+    """Largest memory that this process has held [bytes], NaN where the system does not tell.
+
+    `resource.getrusage` would count the largest of the process that started this one, too.
+    """
+    status = Path("/proc/self/status")
+    peak = re.search(r"VmHWM:\s*(\d+) kB", status.read_text()) if status.exists() else None
+    return 1024.0 * int(peak[1]) if peak else np.nan
+
+
+def alone(nx: int, objective: str, iterations: int) -> Measurement:
+    """`measurement` in a process of its own, whose memory is that of this problem alone."""
+    return in_own_process(_with_memory, nx, objective, iterations)
+
+
+def _with_memory(nx: int, objective: str, iterations: int) -> Measurement:
+    return measurement(nx, objective, iterations)._replace(peak=peak_memory())
+
+
+def exponents(seconds: Mapping[str, Array], points: Array) -> dict[str, float]:
+    """k of the fit seconds ~ points^k, for every phase."""
+    return {phase: float(np.polyfit(np.log(points), np.log(spent), 1)[0]) for phase, spent in seconds.items()}
+
+
+def multigrid_for(objective: str, coarsest: int = MultigridCG.coarsest) -> ChosenBy:
+    """Multigrid as it is chosen for an objective, but for the band of unknowns times nodes it coarsens down to."""
+    tolerance = STRESS_TOLERANCE if objective == "p-norm" else MultigridCG.tolerance
+    return partial(MultigridCG, coarsest=coarsest, tolerance=tolerance)
+
+
+def run_of(nx: int, objective: str, iterations: int, solver: ChosenBy) -> tuple[Array, Array]:
+    """Objectives (iterations + 1,) of an optimisation, and the last densities (p,)."""
+    problem = DesignProblem(model_of(nx, objective, solver))
+    done = list(islice(evaluations(problem, objective), iterations + 1))
+    return np.array([evaluation.objective for evaluation in done]), done[-1].rho
+
+
+def iteration_seconds(nx: int, repeats: int = 5) -> dict[str, float]:
+    """Unknowns, and median CPU seconds of an iteration of compliance after ten, by both solvers, taken in turn."""
+    solvers: dict[str, ChosenBy] = {"banded": BandedCholesky, "multigrid": MultigridCG}
+    models = {name: model_of(nx, "compliance", solver) for name, solver in solvers.items()}
+    runs = {name: evaluations(DesignProblem(model), "compliance") for name, model in models.items()}
+    for run in runs.values():
+        next(islice(run, 9, None))
+    seconds = cpu_seconds({name: partial(next, run) for name, run in runs.items()}, repeats)
+    return {"unknowns": len(models["banded"].stiffness.dof)} | seconds

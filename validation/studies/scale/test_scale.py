@@ -1,0 +1,208 @@
+"""Scale: from thousands of points to millions
+
+One iteration of the cantilever's optimisation by standard MPM, for compliance and for the p-norm of stress (p = 12,
+q = 0.5), on ever finer grids: its phases per material point, how they grow, and memory. The filter's radius is three
+point spacings at every size. Below `MULTIGRID_FROM` unknowns K is factored by banded Cholesky, from there on conjugate
+gradients with geometric multigrid solve, to a residual of 1e-6 (1e-8 for the p-norm). Seconds of CPU, one thread,
+medians over iterations of GCMMA with one solve each, from the uniform start: on the timings page up to 125,000 points;
+on the benchmark page to two millions, each size in a process of its own, whose largest memory is given.
+"""
+
+from collections.abc import Callable
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+import pytest
+
+from mpmtop.scene import Array
+from mpmtop.solvers import MULTIGRID_FROM, BandedCholesky, MultigridCG
+from validation.harness.plugin import ShowProgress
+from validation.harness.report import Report
+from validation.studies.scale.sizes import (
+    OBJECTIVES,
+    PHASES,
+    Measurement,
+    alone,
+    exponents,
+    iteration_seconds,
+    measurement,
+    multigrid_for,
+    run_of,
+)
+
+SIZES = (80, 200, 500)
+LARGE = (500, 1000, 1416, 2000)
+"""Points along the cantilever: 3,200, 20,000 and 125,000 points; to 500,000, 1,002,528 and 2,000,000."""
+LINEAR = 1.1
+"""Largest exponent of what counts as linear growth: 125,000 points still fit the processor's cache in part, and the
+filter's Fourier transform grows as n log n, an exponent of 1.07 here."""
+TOLERANCE = 1e-6
+
+
+Runs = dict[tuple[str, int], Measurement]
+"""By objective and points along the cantilever."""
+
+
+def measured(sizes: tuple[int, ...], run: Callable[[str, int], Measurement], progress: ShowProgress) -> Runs:
+    cases = [(objective, nx) for objective in OBJECTIVES for nx in sizes]
+    return {case: run(*case) for case in progress(cases, "sizes")}
+
+
+def recorded(report: Report, runs: Runs, fit_from: int) -> dict[str, dict[str, float]]:
+    """Tables and figure of the phases; the exponents of each objective's phases from a size on."""
+    fitted = {}
+    figure, axes = plt.subplots(1, len(OBJECTIVES), figsize=(8.6, 3.6), sharey=True)
+    for ax, objective in zip(axes, OBJECTIVES, strict=True):
+        of_objective = [run for (name, _), run in runs.items() if name == objective]
+        points = np.array([run.points for run in of_objective])
+        seconds = {phase: np.array([run.median[phase] for run in of_objective]) for phase in PHASES}
+        total = np.array([np.median(run.totals) for run in of_objective])
+        built = {name: np.array([run.built[name] for run in of_objective]) for name in of_objective[0].built}
+        per_point = pd.DataFrame({phase: 1e9 * spent / points for phase, spent in (seconds | built).items()}).T
+        per_point.columns = pd.Index([f"{p:,}" for p in points])
+        fit = points >= fit_from
+        if np.count_nonzero(fit) > 1:
+            growth = exponents(
+                {name: spent[fit] for name, spent in (seconds | built | {"all": total}).items()}, points[fit]
+            )
+            per_point["exponent"] = pd.Series(growth)
+            fitted[objective] = growth
+        report.timed.table(
+            f"phases_{objective.replace('-', '_')}",
+            per_point.rename_axis("phase"),
+            f"Nanoseconds per point of one iteration, {objective}, by number of points; the last two rows once for all "
+            "iterations." + (f" Exponents from {fit_from:,} points on." if objective in fitted else ""),
+            3,
+        )
+        table = pd.DataFrame(
+            {
+                "points": points,
+                "unknowns": [run.unknowns for run in of_objective],
+                "solver": [run.solver for run in of_objective],
+                "iteration, median [s]": total,
+                "largest [s]": [run.totals.max() for run in of_objective],
+                "operators [s]": built["operators"] + built["filter built"],
+                "peak memory [GiB]": [run.peak / 2**30 for run in of_objective],
+            }
+        ).dropna(axis="columns")
+        report.timed.table(f"sizes_{objective.replace('-', '_')}", table, f"One iteration, {objective}.", 3)
+        for (phase, spent), marker in zip(seconds.items(), ".sv^DxP", strict=True):
+            ax.loglog(points, spent, marker=marker, markersize=4, label=phase)
+        ax.loglog(points, total, color="0.2", linewidth=2, marker="o", label="iteration")
+        ax.loglog(points, 2 * total[-1] * points / points[-1], color="0.6", linestyle=":", label="linear")
+        ax.set(title=objective, xlabel="material points", ylabel="CPU seconds" if ax is axes[0] else "")
+    axes[-1].legend(loc="center left", bbox_to_anchor=(1.02, 0.5))
+    report.timed.figure("phases", figure, "Phases of an iteration by number of points.")
+    return fitted
+
+
+@pytest.mark.slow
+def test_phases(report: Report, progress: ShowProgress) -> None:
+    """Phases of an iteration
+
+    Iterations are those that an optimisation makes, taken apart by a clock around the operators: what an iteration
+    takes is the sum of its phases.
+    """
+    runs = measured(SIZES, lambda objective, nx: measurement(nx, objective, 3), progress)
+    recorded(report, runs, SIZES[-1] ** 2)
+    table = pd.DataFrame(
+        {(name, run.points): {"unknowns": run.unknowns, "solver": run.solver} for (name, _), run in runs.items()}
+    ).T.rename_axis(["objective", "points"])
+    report.table("sizes", table, "Sizes of a plain run.")
+    falls = [bool(run.objective[-1] < run.objective[0]) for (name, _), run in runs.items() if name == "compliance"]
+    assert report.check("sizes whose compliance fell", sum(falls), len(SIZES), source="our aim")
+
+
+@pytest.mark.slow
+def test_multigrid(report: Report) -> None:
+    """What the optimisation sees of the iterative solver
+
+    The same optimisation with banded Cholesky and with multigrid, made to go through at least three levels on 20,000
+    points (it would not be chosen there), for ten iterations. Compliance is off by the square of the residual's
+    tolerance, so 1e-6 is ample; a p-norm is off by the tolerance itself, and its optimisation multiplies any difference
+    by about ten in five iterations, rounding's, too: 1e-8 is chosen for objectives of stress.
+    """
+    compliance = compared(report, 200, "compliance", 10, coarsest=30_000)
+    assert compared(report, 200, "p-norm", 10, coarsest=30_000) and compliance
+
+
+def compared(report: Report, nx: int, objective: str, iterations: int, coarsest: int) -> bool:
+    """Check that both solvers' optimisations have the same objective, to the tolerance."""
+    direct, direct_rho = run_of(nx, objective, iterations, BandedCholesky)
+    iterative, iterative_rho = run_of(nx, objective, iterations, multigrid_for(objective, coarsest))
+    size = f"{objective}, {nx * nx // 2:,} points, {iterations} iterations"
+    report.text(f"{size}: largest difference of a density at the end {np.abs(iterative_rho - direct_rho).max():.0e}.")
+    return report.check(
+        f"largest relative difference of the objective, multigrid against banded Cholesky; {size}",
+        rounded_up(float(np.abs(iterative / direct - 1).max())),
+        at_most=TOLERANCE,
+        source="our aim",
+    )
+
+
+def rounded_up(difference: float) -> float:
+    """One digit, as the others are rounding's: no less than the difference."""
+    decade = 10.0 ** np.floor(np.log10(difference))
+    return float(f"{np.ceil(difference / decade) * decade:.0e}")
+
+
+@pytest.mark.benchmark
+def test_large(report: Report, progress: ShowProgress) -> None:
+    """Two million points
+
+    Exponents are fitted from 125,000 points on. The first size is solved by banded Cholesky, the others by multigrid.
+    """
+    runs = measured(LARGE, lambda objective, nx: alone(nx, objective, 8), progress)
+    growth = recorded(report, runs, LARGE[0] ** 2 // 2)
+    for objective in OBJECTIVES:
+        largest = runs[objective, LARGE[-1]]
+        report.timing(
+            f"exponent of an iteration, {objective}", growth[objective]["all"], at_most=1.15, source="our aim"
+        )
+        others = {phase: growth[objective][phase] for phase in PHASES if phase not in ("factorisation", "solve")}
+        report.timing(
+            f"largest exponent of a phase but those of the linear solve, {objective}",
+            max(others.values()),
+            at_most=LINEAR,
+            source="our aim: linear",
+        )
+        report.timing(
+            f"CPU seconds of an iteration, 2,000,000 points, {objective}, median",
+            float(np.median(largest.totals)),
+            **({"at_most": 10.0, "source": "our aim"} if objective == "compliance" else {"source": "for comparison"}),
+        )
+        report.timing(
+            f"peak memory [GiB], 2,000,000 points, {objective}", largest.peak / 2**30, at_most=8.0, source="our aim"
+        )
+
+
+@pytest.mark.benchmark
+def test_multigrid_large(report: Report) -> None:
+    """What the optimisation sees of it, where it is chosen
+
+    The same comparison on 320,000 points with the levels that the solver chooses itself.
+    """
+    compliance = compared(report, 800, "compliance", 10, MultigridCG.coarsest)
+    assert compared(report, 800, "p-norm", 10, MultigridCG.coarsest) and compliance
+
+
+@pytest.mark.benchmark
+def test_crossover(report: Report, progress: ShowProgress) -> None:
+    """Where multigrid overtakes the band
+
+    CPU seconds of an iteration of compliance by both solvers, taken in turn: medians of five, after ten iterations.
+    """
+    sizes = (400, 480, 560, 640, 800)
+    rows = [iteration_seconds(nx) for nx in progress(sizes, "sizes")]
+    table = pd.DataFrame(rows).set_index("unknowns")
+    report.timed.table("crossover", table, "CPU seconds of an iteration.", 3)
+    ratio: Array = (table["banded"] / table["multigrid"]).to_numpy()
+    at = float(np.exp(np.interp(0, np.log(ratio), np.log(table.index.to_numpy()))))
+    report.timing(
+        f"unknowns at which both take the same time, over the {MULTIGRID_FROM:,} from which multigrid is chosen",
+        at / MULTIGRID_FROM,
+        at_least=0.7,
+        at_most=1.4,
+        source="our choice, between machines",
+    )

@@ -1,0 +1,461 @@
+"""Stability: broken on purpose
+
+Thousands of inputs far from what is sensible. Each must come out as one of three: **right**, by a reference or an
+invariant, to a stated tolerance; a **named error** that says the cause and the cure; a documented **limit**, right for
+the discrete problem and far from the body's physics. Anything else, a wrong number, NaN, a warning, a false alarm, is
+**other**, and there must be none.
+
+An analysis is judged by u, compliance, p-norm and both gradients in extended precision, by a route of its own: shape
+functions, strains, tangent, load, clamp and objectives from closed forms, K in full, residuals of extended precision.
+Only the ghost penalty's operators are those of the code under test. Where a long double has the 53 bits of a double,
+the reference is plain double; the bits of this machine are among the claims. The compliance must agree to 1e-8; what
+depends on strains to 1e-8 or, where the condition number of the scaled stiffness leaves fewer digits, to ten times its
+rounding error, and never worse than 1e-4. An error is a named one only if the input asks for its class and, where that
+is for a stiffness close to singular, the condition number is beyond 1e13. The body is a cantilever of 5 x 2 cells
+unless stated; h = E0 = F = 1; **B-spline** is the quadratic one. The error against Poisson's ratio is shown with the
+remedy for locking.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cache
+from itertools import chain
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+import pytest
+
+from mpmtop.equilibrium import Model, equilibrium
+from mpmtop.objectives import compliance
+from mpmtop.scene import Array, NotConverged, UnsupportedBody
+from mpmtop.solvers import Solve, Solver
+from validation.harness.plugin import Lock
+from validation.harness.report import Report
+from validation.oracles.extended import condition, plain_condition
+from validation.studies.stability.cases import (
+    ANALYSES,
+    CELLS,
+    DIRECTIONS,
+    GHOST,
+    beam,
+    fields,
+    lattice,
+    model_of,
+    oracle,
+)
+from validation.studies.stability.interruption import AFTER
+from validation.studies.stability.judge import (
+    KINDS,
+    Case,
+    Outcome,
+    densities,
+    direct,
+    distance,
+    outcome,
+    quantities,
+    reference,
+    tally,
+)
+from validation.studies.stability.parameters import parameters
+from validation.studies.stability.runs import interruptions, killed_runs, optimisers
+from validation.studies.stability.scales import materials, runs_in_units, units
+
+RTOL_CONDITION = 1e-6
+"""Condition numbers of small matrices below 1e9: seven digits are left."""
+EVERY = 12
+"""Of the analyses, one in twelve is done by multigrid, too."""
+Cuts = dict[tuple[str, float], dict[str, float]]
+"""Quantities by remedy and size of the cut."""
+
+SECTIONS: dict[str, Callable[[], list[Case]]] = {
+    "Positions": lambda: [analysis.case for analysis in ANALYSES["Positions"]()],
+    "Small cuts": lambda: [*(analysis.case for analysis in ANALYSES["Small cuts"]()), *oracle()],
+    "Contrast and density fields": lambda: [a.case for a in ANALYSES["Contrast and density fields"]()],
+    "Points": lambda: [analysis.case for analysis in ANALYSES["Points"]()],
+    "Scales": lambda: [*(analysis.case for analysis in materials()), *units(), *runs_in_units()],
+    "Parameters": lambda: list(parameters()),
+    "Optimiser": lambda: list(optimisers()),
+    "Interruption": lambda: list(interruptions()),
+}
+
+
+@cache
+def outcomes(section: str) -> tuple[Outcome, ...]:
+    """What came of the section's cases; run once, for its own section and the last one."""
+    return tuple(outcome(case) for case in SECTIONS[section]())
+
+
+def compared(found: tuple[Outcome, ...]) -> int:
+    """Of how many analyses there were two answers to compare, none an error."""
+    return sum(case.kind in ("right", "limit") for case in found)
+
+
+def outcomes_twice(every: int) -> tuple[Outcome, ...]:
+    """What comes of one in `every` analyses, drawn from each so many, by multigrid, beside the direct solver."""
+    analyses = [*chain.from_iterable(make() for make in ANALYSES.values()), *materials()]
+    first = np.arange(0, len(analyses) - every + 1, every)
+    drawn = first + np.random.default_rng(0).integers(every, size=len(first))
+    return tuple(outcome(analyses[i].twice) for i in drawn)
+
+
+def tabulate(report: Report, name: str, found: tuple[Outcome, ...], caption: str, right: int) -> bool:
+    """Record the counts by family, whether nothing else came out, and whether at least so many are `right`; what else
+    came out is named in the claim."""
+    report.table(name, tally(found), caption)
+    other = [f"{case.family} ({case.name}): {case.what}" for case in found if case.kind == "other"]
+    named = f"; the first: {other[0]}".replace("|", "/")[:200] if other else ""
+    what = name.replace("_", " ")
+    none_else = report.check(f"outcomes other than these three, {what}{named}", len(other), 0, source="our aim")
+    number = sum(case.kind == "right" for case in found)
+    enough = report.check(f"right cases, {what}", number, at_least=right, source="so that errors do not replace them")
+    return none_else and enough
+
+
+def displacements(model: Model) -> tuple[Array, Array]:
+    """Displacements of points (p, 2) and nodes (a, 2) of the solid body; NaN where it has none."""
+    try:
+        u = equilibrium(model, np.ones(len(model.points.x))).u
+    except (UnsupportedBody, NotConverged):
+        u = np.full(len(model.f_ext), np.nan)
+    return model.transfer.interpolate(u), u.reshape(-1, 2)
+
+
+@pytest.mark.slow
+def test_positions(report: Report) -> None:
+    """Positions
+
+    The points shifted over a whole cell in x, y and both: sixteenths, every line that points, domains or the body
+    cross, and 1e-12 to 1e-2 on both sides of it. A shift in x opens a gap at the clamp; with the tent and the B-spline
+    an error says so once no point is left in the clamped cells, with GIMP once the overlap is lost in rounding. The
+    scene and its grid moved to another origin, by irrational numbers and by 1e6 h, where positions are known to 1e-10 h
+    only: the compliance of the scene in its place. The grid alone moved.
+    """
+    none_else = tabulate(report, "positions", outcomes("Positions"), "Positions: cases and outcomes.", 740)
+    draw_positions(report)
+    assert none_else
+
+
+def draw_positions(report: Report) -> None:
+    shifts = np.concatenate([[0.01, 0.03], np.linspace(0.06, 0.74, 12), [0.7499, 0.7501], np.linspace(0.8, 0.95, 4)])
+    figure, axes = plt.subplots(3, 2, figsize=(8.0, 7.0), sharex=True, sharey="row")
+    bodies = ("tent", "tent", 0.0), ("GIMP", "GIMP", 0.0), ("GIMP, ghost", "GIMP", GHOST), ("B-spline", "B-spline", 0.0)
+    for column, direction in zip(axes.T, ("x", "y"), strict=True):
+        for name, function, ghost in bodies:
+            kept = shifts if direction == "y" or function == "GIMP" else shifts[shifts < 0.75]  # else an error
+            rows = [shifted(function, np.multiply(DIRECTIONS[direction], s), ghost) for s in kept]
+            for ax, values in zip(column, np.array(rows).T, strict=True):
+                ax.semilogy(kept, values, label=name)
+        column[-1].set(xlabel=f"shift in {direction} / h")
+    labels = "condition of K", "condition, scaled", "error of the deflection"
+    for ax, label in zip(axes[:, 0], labels, strict=True):
+        ax.set(ylabel=label)
+    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=4)
+    report.figure(
+        "positions",
+        figure,
+        "Condition numbers, and error of the deflection under the load, against the shift: its change to the body as "
+        "seeded beside that of a Timoshenko beam whose lever arm changes as that of the points that carry the load.",
+    )
+
+
+def shifted(function: str, shift: Array, ghost: float) -> tuple[float, float, float]:
+    """Condition numbers, plain and scaled, and error of the deflection of the solid body."""
+    still, model = (direct(model_of(function, s, ghost=ghost)) for s in ((0.0, 0.0), shift))
+    solid = np.ones(len(model.points.x))
+    ratio = compliance(model, equilibrium(model, solid)) / compliance(still, equilibrium(still, solid))
+    error = ratio * deflection(lever(still)) / deflection(lever(model)) - 1
+    return plain_condition(model, solid), condition(model, solid), abs(error)
+
+
+def lever(model: Model) -> float:
+    """Distance from the clamp of the points that carry the load."""
+    (load,) = model.scene.loads
+    carriers, share = load.shares(model.points.x, 1e-9)
+    return float(share @ model.points.x[carriers, 0])
+
+
+def deflection(arm: float) -> float:
+    """Of a Timoshenko beam of height 2 under a unit force, plane strain, nu = 0.3, E = 1."""
+    nu, height = 0.3, CELLS[1]
+    return float(4 * (1 - nu**2) * arm**3 / height**3 + arm * 2 * (1 + nu) / (5 / 6 * height))
+
+
+@pytest.mark.slow
+def test_small_cuts(report: Report, lock: Lock) -> None:
+    """Small cuts
+
+    GIMP domains that overlap the next cells by 0.2 to 2e-12 of a cell; points of tent and B-spline as far over a grid
+    line. The plain condition number grows without bound. Scaled by the diagonal it does not, to which the rounding
+    error of Cholesky's method is blind: u is right for the discrete problem at any cut. The nodes outside are tied by a
+    hair of material: at the corner they move many times as far as the points do, so no quantity of interest is taken at
+    a node. Not tied, they no longer stiffen the edge either: a step of the points' displacements at an infinitesimal
+    cut, large on a body of two cells across, and a limit. The ghost penalty (`discretise(..., ghost=0.01)`) bounds the
+    condition number and the nodes, and takes most of the step away. A larger body's compliances are AMPLE's to 1e-10.
+    What reaches over a line by less than 1e-12 of a cell lies on it by tolerance: the smallest cuts are none.
+    """
+    none_else = tabulate(report, "small_cuts", outcomes("Small cuts"), "Small cuts: cases and outcomes.", 200)
+    sizes = 10.0 ** -np.arange(1, 15)
+    still = {ghost: displacements(direct(model_of("GIMP", ghost=ghost)))[0] for ghost in (0.0, GHOST)}
+    rows: Cuts = {}
+    for ghost, remedy in {0.0: "none", GHOST: "ghost penalty"}.items():
+        for s in sizes:
+            model = direct(model_of("GIMP", (s, s), ghost=ghost))
+            points, nodes = displacements(model)
+            solid = np.ones(len(model.points.x))
+            largest = np.abs(still[ghost]).max()
+            rows[remedy, s] = {
+                "condition": plain_condition(model, solid),
+                "condition, scaled": condition(model, solid),
+                "points, change": float(np.abs(points - still[ghost]).max() / largest),
+                "nodes over points": float(np.abs(nodes).max() / np.abs(points).max()),
+            }
+    table = pd.DataFrame.from_dict(rows, orient="index").rename_axis(["remedy", "cut / h"])
+    report.table(
+        "cut_sizes",
+        table,
+        "GIMP, domains over the lines by the cut in x and y: condition numbers; change of the points' displacements to "
+        "the body without a cut, largest by largest; largest displacement of a node over that of a point.",
+        3,
+    )
+    draw_cuts(report, rows)
+    ghosted = column(rows, "ghost penalty")
+    bounded = report.check(
+        "largest condition number with the ghost penalty, over that at a cut of 0.1 h",
+        max(ghosted["condition"]) / ghosted["condition"][0],
+        at_most=2.0,
+        source="our bound: however small the cut",
+    )
+    quiet = report.check(
+        "largest displacement of a node over that of a point, ghost penalty",
+        max(ghosted["nodes over points"]),
+        at_most=1.5,  # nodes at the free end are outside the points, by up to a cell of five
+        source="our bound",
+    )
+    lock({f"{remedy}, {s:g}": row["condition"] for (remedy, s), row in rows.items() if s == 0.1}, rtol=RTOL_CONDITION)
+    less = report.check(
+        "step of the points' displacements at a cut of 1e-9 h, ghost penalty, over that with none",
+        rows["ghost penalty", sizes[8]]["points, change"] / rows["none", sizes[8]]["points, change"],
+        at_most=0.5,
+        source="our bound: most of it",
+    )
+    assert none_else and bounded and quiet and less
+
+
+def column(rows: Cuts, remedy: str) -> dict[str, list[float]]:
+    """The numbers of one remedy, by quantity, in the order of the cuts; the cuts themselves as "cut"."""
+    part = {s: row for (name, s), row in rows.items() if name == remedy}
+    return {key: [row[key] for row in part.values()] for key in next(iter(part.values()))} | {"cut": list(part)}
+
+
+def draw_cuts(report: Report, rows: Cuts) -> None:
+    figure, axes = plt.subplots(1, 3, figsize=(8.0, 3.2))
+    for remedy in ("none", "ghost penalty"):
+        part = column(rows, remedy)
+        axes[0].loglog(part["cut"], part["condition"], label=remedy)
+        axes[0].loglog(part["cut"], part["condition, scaled"], label=f"{remedy}, scaled")
+        color = axes[0].get_lines()[-2].get_color()
+        axes[1].loglog(part["cut"], part["points, change"], color=color)
+        axes[2].loglog(part["cut"], part["nodes over points"], color=color)
+    titles = ("condition number", "change at points", "nodes over points")
+    for ax, title in zip(axes, titles, strict=True):
+        ax.set(xlabel="cut / h", title=title)
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
+    report.figure("small_cuts", figure, "Condition numbers and displacements against the size of a cut at a corner.")
+
+
+@dataclass(frozen=True, eq=False)
+class Unchecked:
+    """A solver that is believed: no answer of it is refined or refused."""
+
+    solver: Solver
+    tolerance: float = np.inf
+
+    def factor(self, data: Array) -> Solve:
+        return self.solver.factor(data)
+
+
+@pytest.mark.slow
+def test_contrast(report: Report) -> None:
+    """Contrast and density fields
+
+    E_min / E0 from 1 to 1e-15, and zero; the paper's E_min = 1e-6 read as absolute (1e-12) and as relative; solid,
+    void, checkerboards, a bridge of one point, a loaded end on void, islands at random, a slit, grey at random.
+
+    Where void carries the load, as many digits of the strains are lost as the void is softer, by any solver. A residual
+    small beside the load says little then: the p-norm's **adjoint** may miss the soft mode that decides its gradient.
+    One solve by multigrid to a residual of 1e-6 leaves gradients wrong by a tenth, in silence; by the direct solver
+    they lose digits. So state and adjoint are accepted by the residual and by its work on the state, and refined where
+    that is more than the tolerance; what does not get there is refused.
+    """
+    cases = outcomes("Contrast and density fields")
+    none_else = tabulate(report, "contrast", cases, "Contrast and density fields: cases and outcomes.", 1100)
+    named = {"direct": direct, "multigrid": lambda model: model}
+    rows: list[tuple[str, float, float, float]] = []
+    for k in (0, 2, 4, 5, 6, 7, 8, 10, 12):
+        model = model_of("tent", scene=beam(contrast=10.0**-k if k else 1 - 1e-12))
+        rho = dict(fields(lattice().x))["loaded end on void"]
+        rho, moduli = densities(model, rho)
+        exact, _ = reference(model, moduli, rho)
+        for name, take in named.items():
+            for checked in (False, True):
+                used = take(model) if checked else replace(take(model), solver=Unchecked(take(model).solver))
+                try:
+                    found = quantities(used, equilibrium(used, moduli), rho)
+                    C, gradient = (distance(found[i], exact[i]) for i in (0, 3))
+                except (UnsupportedBody, NotConverged):
+                    C = gradient = np.nan
+                what = "checked" if checked else "one solve"
+                rows.append((f"{name}, {what}", 10.0**-k, C, gradient))
+    table = pd.DataFrame(rows, columns=["solver", "contrast", "compliance", "gradient of the p-norm"])
+    report.table("contrast_errors", table, "Relative errors, loaded end on void, tent; empty: a named error.", 2)
+    draw_contrast(report, rows)
+    worst = {name: np.nanmax([row[3] for row in rows if row[0] == name]) for name in {row[0] for row in rows}}
+    right = report.check(
+        "largest error of the p-norm's gradient that is not refused, loaded end on void",
+        float(max(error for name, error in worst.items() if "checked" in name)),
+        at_most=1e-4,
+        source="our bound: the tolerance of a gradient",
+    )
+    report.check(
+        "the same by multigrid without the check", float(worst["multigrid, one solve"]), source="for comparison"
+    )
+    assert none_else and right
+
+
+def draw_contrast(report: Report, rows: list[tuple[str, float, float, float]]) -> None:
+    figure, axes = plt.subplots(1, 2, figsize=(8.0, 3.4), sharey=True)
+    for ax, i, quantity in zip(axes, (2, 3), ("compliance", "gradient of the p-norm"), strict=True):
+        for name in dict.fromkeys(row[0] for row in rows):
+            part = [(row[1], max(row[i], 1e-17)) for row in rows if row[0] == name]
+            ax.loglog(*zip(*part, strict=True), label=name)
+        ax.set(xlabel="E_min / E0", title=quantity)
+    axes[0].set(ylabel="relative error")
+    axes[0].legend(fontsize="x-small")
+    report.figure("contrast_errors", figure, "Errors against the contrast: loaded end on void.")
+
+
+@pytest.mark.slow
+def test_points(report: Report) -> None:
+    """Points
+
+    One to eight points per cell, equal or not, at several shifts; a cell without points; one point alone; 1,000 clouds
+    of random number, place and size. In many clouds a node hangs on a single point and turns about it, or a piece
+    floats: a mechanism, named with its node and, where a piece floats, its island. Behind other small pivots rounding
+    may leave that of a mechanism far above rounding: a small pivot costs two more solves, which find the direction of
+    least stiffness.
+    """
+    assert tabulate(report, "points", outcomes("Points"), "Points: cases and outcomes.", 690)
+
+
+@pytest.mark.slow
+def test_scales(report: Report) -> None:
+    """Scales
+
+    Poisson's ratio from -0.9 to 0.49999, cells from 1000 : 1 to 1 : 1000, and h from 1e-9 to 1e9, E from 1e-6 to 1e12,
+    F from 1e-12 to 1e12 together: compliance E / F², p-norm h / F, their gradients and displacement E / F must be those
+    of h = E = F = 1, to 1e-10; and so must the design after five steps of GCMMA at the ends of these ranges, to 1e-8.
+    Close to 0.5 the body locks, a limit.
+    """
+    assert tabulate(report, "scales", outcomes("Scales"), "Scales: cases and outcomes.", 735)
+
+
+def test_parameters(report: Report) -> None:
+    """Parameters
+
+    Penalty 1 to 10 by p 1 to 100 by q 0 to 3: the adjoint's directional derivative and a central difference, to 1e-5.
+    Filter radius from 1e-9 h to 1000 h, volume fraction from 1e-3 to 1: five steps of GCMMA stay feasible and do not
+    rise. Inputs outside their ranges, NaN and infinity among them, are refused.
+    """
+    assert tabulate(report, "parameters", outcomes("Parameters"), "Parameters: cases and outcomes.", 320)
+
+
+@pytest.mark.slow
+def test_optimiser(report: Report) -> None:
+    """Optimiser
+
+    A problem of known optimum, min sum c / x under a bound of the mean: random starts, most of them infeasible, reach
+    it to 0.1 %; steps keep a move limit from 1e-6 to 1; without a gradient the design becomes feasible; NaN or infinity
+    from the objective or its gradient, here and of the beam, ends the run by name; over 2,000 iterations neither volume
+    nor objective drifts.
+    """
+    assert tabulate(report, "optimiser", outcomes("Optimiser"), "Optimiser: cases and outcomes.", 70)
+
+
+@pytest.mark.slow
+def test_interruption(report: Report) -> None:
+    """Interruption
+
+    Runs with a checkpoint, each in a process of its own, killed by SIGKILL after every iteration, half-way through
+    writing, between writing and renaming, and at some milliseconds from the start; then resumed: design, objective and
+    number of solves of the run that was not killed, bit for bit. Truncated checkpoints, foreign files, and checkpoints
+    with one bit flipped are refused, or what they hold is whole. VTU files reopen with the numbers written.
+    That SIGKILL is what ended a run is looked up in its status; a kill by time may come too late.
+    """
+    none_else = tabulate(report, "interruption", outcomes("Interruption"), "Interruption: cases and outcomes.", 60)
+    hits = sum(end.killed for (_, moment), end in killed_runs().items() if moment in AFTER)
+    report.check("kills by time that came before the end, of 10", hits, source="this machine")
+    assert none_else
+
+
+@pytest.mark.slow
+def test_two_solvers(report: Report) -> None:
+    """Two solvers
+
+    One in twelve analyses of the sections above, drawn at random, once more by multigrid with two levels or more,
+    beside the direct solver (`make benchmark`: every one): compliance, p-norm, gradients and displacements to ten times
+    multigrid's tolerance of 1e-6. Where the direct solver refuses, extended precision or, if that sees a mechanism,
+    too, the pseudo-inverse of K judges the compliance. Displacements of a piece in void may differ by what a force of
+    the tolerance does to the void. An error is none of the comparisons; multigrid's, too, needs a condition number of
+    1e13.
+    """
+    found = outcomes_twice(EVERY)
+    none_else = tabulate(report, "two_solvers", found, "Multigrid beside the direct solver: one in twelve.", 250)
+    enough = report.check(
+        "analyses answered by multigrid and compared", compared(found), at_least=250, source="our aim: four of five"
+    )
+    assert none_else and enough
+
+
+@pytest.mark.benchmark
+def test_two_solvers_in_full(report: Report) -> None:
+    """Two solvers, all analyses
+
+    As above, with every analysis.
+    """
+    found = outcomes_twice(1)
+    none_else = tabulate(
+        report, "two_solvers_in_full", found, "Multigrid beside the direct solver: all analyses.", 3000
+    )
+    enough = report.check(
+        "analyses answered by multigrid and compared, all",
+        compared(found),
+        at_least=3000,
+        source="our aim: four of five",
+    )
+    assert none_else and enough
+
+
+@pytest.mark.slow
+def test_all_cases(report: Report) -> None:
+    """All cases
+
+    The sections' counts; comparisons of solvers are not among the cases again. Limits are told in the docstrings of
+    `discretise`, `Support`, `Material` and, for the comparisons, `MultigridCG`.
+    """
+    found = {section: outcomes(section) for section in SECTIONS}
+    every = tuple(chain.from_iterable(found.values()))
+    rows = {
+        section: {"cases": len(part)} | {kind: sum(case.kind == kind for case in part) for kind in KINDS}
+        for section, part in (found | {"all": every}).items()
+    }
+    table = pd.DataFrame.from_dict(rows, orient="index").rename_axis("section")
+    report.table("all_cases", table, "Cases tried and their outcomes.")
+    what = pd.Series([f"{case.kind}: {case.what}" for case in every if case.kind in ("named error", "limit")])
+    counts = what.value_counts().rename_axis("outcome").rename("cases").to_frame()
+    report.table("what", counts, "Which errors, which limits.")
+    bits = np.finfo(np.longdouble).nmant + 1
+    report.check("bits of the reference's numbers; 53 is plain double", bits, source="this machine")
+    enough = report.check("cases tried, no problem twice", len(every), at_least=5000, source="our aim")
+    none_else = report.check("outcomes other than these three, all cases", rows["all"]["other"], 0, source="our aim")
+    assert enough and none_else
