@@ -334,7 +334,7 @@ def test_an_error_of_the_reference_is_wrong(monkeypatch: pytest.MonkeyPatch) -> 
 def test_refusing_everything_is_found(family: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """A named error where the input is sound is no outcome to be content with."""
     never = partial(equilibrium, tol=0.0)
-    monkeypatch.setattr("validation.stability_scales.equilibrium", never)
+    monkeypatch.setattr("validation.studies.stability.scales.equilibrium", never)
     monkeypatch.setattr("mpmtop.problem.equilibrium", never)
     cases = {"units": units, "gradients": parameters, "descent": lambda: list(parameters())[300:]}[family]()
     assert {outcome(case).kind for case in islice(cases, 5)} == {"other"}
