@@ -6,7 +6,8 @@ further than this from a kink of the function lies on it. What lies beyond by le
 stiffness of a node touched by such noise alone would be noise, too. `ends` are the first and the last node of the cells
 that hold the body, for functions that treat its ends. It returns a `Stencil`: the first of n consecutive nodes, and the
 values and gradients (per cell size) of these nodes' functions at each point. All of them form a partition of unity,
-sum N = 1 and sum grad N = 0, and reproduce linear fields.
+sum N = 1 and sum grad N = 0, and reproduce linear fields. Complex positions and half-lengths
+are taken, too: what selects a branch is their real part.
 
 CPDI is not among them: along one axis its gradient on a domain that stays undeformed is GIMP's, the difference of the
 tent over the domain by its width, and small strain leaves domains as they are.
@@ -43,9 +44,9 @@ class ShapeFunction(Protocol):
 
 def _in_cell(xi: Array, tol: float) -> tuple[Array, Array]:
     """Half-open cell of each position, and the position in it, in [0, 1)."""
-    cell = np.floor(xi + tol)
+    cell = np.floor(xi.real + tol)
     s = xi - cell
-    return cell, np.where(s <= tol, 0.0, s)
+    return cell, np.where(s.real <= tol, 0.0, s)
 
 
 def tent(xi: Array, half_length: Array, tol: float = 0.0, ends: Ends | None = None) -> Stencil:
@@ -63,15 +64,15 @@ def gimp(xi: Array, half_length: Array, tol: float = 0.0, ends: Ends | None = No
     printed omits the constant l/2 of the middle branch; without it the functions do not sum to one.)
     Source: Bardenhagen and Kober (2004), CMES 5:477.
     """
-    if np.any(half_length > 0.5 + tol):
+    if np.any(half_length.real > 0.5 + tol):
         raise ValueError(
-            f"GIMP: a point's domain is {2 * half_length.max():.3g} cells wide: "
+            f"GIMP: a point's domain is {2 * half_length.real.max():.3g} cells wide: "
             "use at least one point per cell and direction"
         )
-    lp = np.minimum(half_length, 0.5)
-    node = np.rint(xi)
+    lp = np.where(half_length.real > 0.5, 0.5, half_length)
+    node = np.rint(xi.real)
     d = xi - node
-    crosses = np.abs(d) < lp - tol
+    crosses = np.abs(d.real) < lp.real - tol
     within, s = _in_cell(xi, tol)
 
     a, b = (lp - d) ** 2 / (4 * lp), (lp + d) ** 2 / (4 * lp)
@@ -91,9 +92,9 @@ def bspline2(xi: Array, half_length: Array, tol: float = 0.0, ends: Ends | None 
     With one point for each cell its nodes are all but mechanisms, use at least two.
     Source: Steffen, Kirby and Berzins (2008), Int. J. Numer. Meth. Engng 76:922.
     """
-    node = np.floor(xi + 0.5)
+    node = np.floor(xi.real + 0.5)
     d = xi - node
-    d = np.where(np.abs(d) >= 0.5 - tol, np.copysign(0.5, d), d)
+    d = np.where(np.abs(d.real) >= 0.5 - tol, np.copysign(0.5, d.real), d)
     N = np.stack([(0.5 - d) ** 2 / 2, 0.75 - d**2, (0.5 + d) ** 2 / 2], axis=1)
     return _closed(Stencil((node - 1).astype(np.intp), N, np.stack([d - 0.5, -2 * d, d + 0.5], axis=1)), ends)
 

@@ -1,0 +1,182 @@
+"""A body discretised for load steps.
+
+State of a point: position x, deformation gradient F and half-lengths l of its domain. In step n, from x, F, l at its
+start, the nodal increments u of the reset grid solve
+
+    R_i = sum_p V0_p P(F_p) g_pi - t_n sum_p N_i(x_p, l_p) f_p + alpha E0 (K u)_i = 0,
+    F_p = F_p^old + sum_i u_i x g_pi,      g_pi = (F_p^old)^T grad N_i(x_p, l_p),
+
+with the weights of the step's start throughout, so that R is the gradient of an energy, its tangent is symmetric, and
+Newton meets no crossing of a cell. Then x += sum_i N_i u_i, and with stretched domains l = l0 U_ii. That is the updated
+Lagrangian scheme; in the total one, where nothing crosses, g_pi = grad N_i(X_p, l0_p) and N_i(X_p, l0_p) in all steps.
+f_p are dead loads, t_n = n / steps. The last term is a soft background, see `background`.
+
+Sources: Charlton, Coombs and Augarde (2017), Computers & Structures 190:108; Coombs and Augarde (2020), Adv. Engng
+Software 146:102828 (AMPLE).
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+
+from mpmtop.grid import Grid
+from mpmtop.large_deformation.background import Background, background
+from mpmtop.large_deformation.kinematics import Domains
+from mpmtop.large_deformation.law import Hencky, Law
+from mpmtop.points import MaterialPoints, seed
+from mpmtop.scene import Array, Index, InvalidScene, LoadOutsideBody, Mask, PointLoad, RegionLoad, Scene, UnsupportedBody
+from mpmtop.shape_functions import ShapeFunction, bspline2, gimp, tent
+
+Frame = Literal["updated", "total"]
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """All that stays the same while densities change. `force` (p, 2) are the points' dead loads at full load.
+
+    Degree of freedom 2 node + component of the box is `sign` times `unknown`, or held where that is -1; (2 nodes,) each.
+    """
+
+    grid: Grid
+    points: MaterialPoints
+    shape_function: ShapeFunction
+    frame: Frame
+    domains: Domains
+    law: Law
+    young: float
+    steps: int
+    force: Array
+    unknown: Index
+    sign: Array
+    background: Background | None
+
+    @cached_property
+    def levels(self) -> Array:
+        """Load levels t_n (steps,), the last one 1."""
+        return np.arange(1, self.steps + 1) / self.steps
+
+    @cached_property
+    def unknowns(self) -> int:
+        """Number of unknowns of the box."""
+        return int(self.unknown.max()) + 1
+
+
+def discretise(
+    body: Scene,
+    h: float | tuple[float, float],
+    ppc: int | tuple[int, int] = 2,
+    shape_function: ShapeFunction = gimp,
+    *,
+    steps: int = 8,
+    frame: Frame = "updated",
+    domains: Domains = "fixed",
+    law: Law | None = None,
+    alpha: float = 1e-5,
+    points: MaterialPoints | None = None,
+    grid: Grid | None = None,
+) -> Model:
+    """Discretise `body` by cells of size h with ppc points per cell and direction, for `steps` equal load steps.
+
+    `frame` is "updated" or "total"; `domains` of GIMP stay "fixed" or are "stretched" with the points; `law` is Hencky's
+    with the material's Poisson's ratio unless given; `alpha` is the part of E0 that the background has, 0 for none.
+    `grid` is the box that the body must not leave; unless given it is the body's and half its longer side all around.
+    The number of steps is part of the discretisation: 8 and 16 are two problems.
+
+    Raises InvalidScene for what is not available in large deformation: plane stress, loads that no point carries, other
+    shape functions than tent, gimp and bspline2; EmptyDomain, LoadOutsideBody, UnsupportedBody as in small strain.
+    """
+    hx, hy = (float(s) for s in np.broadcast_to(h, 2))
+    _refuse(body, shape_function, steps, frame, domains, alpha, law)
+    if points is None:
+        nx, ny = np.broadcast_to(ppc, 2)
+        if min(nx, ny) < 1 or not np.issubdtype(nx.dtype, np.integer):
+            raise ValueError(f"{ppc} points per cell: give at least one in each direction, a whole number")
+        points = seed(body.domain, (hx / nx, hy / ny))
+    lower, upper = body.domain.bounds
+    if grid is None:
+        grid = Grid.around(lower, upper, (hx, hy), margin=1 + int(np.ceil(np.max(upper - lower) / 2 / min(hx, hy))))
+    unknown, sign = _unknowns(body, grid, shape_function)
+    force = _forces(body, grid, points)
+    young = float(body.material.young)
+    soft = background(grid, unknown, sign, alpha * young) if alpha > 0 else None
+    law = Hencky(body.material.poisson) if law is None else law
+    return Model(grid, points, shape_function, frame, domains, law, young, steps, force, unknown, sign, soft)
+
+
+def _refuse(
+    body: Scene, shape_function: ShapeFunction, steps: int, frame: str, domains: str, alpha: float, law: Law | None
+) -> None:
+    if shape_function not in (tent, gimp, bspline2):
+        raise InvalidScene(f"large deformation with {shape_function.__name__}: use tent, gimp or bspline2")
+    if body.material.plane != "strain":
+        raise InvalidScene("large deformation in plane stress: the laws are those of plane strain, set plane='strain'")
+    if not isinstance(steps, int | np.integer) or steps < 1:
+        raise InvalidScene(f"{steps} load steps: give at least one, a whole number")
+    if frame not in ("updated", "total"):
+        raise InvalidScene(f"frame {frame!r}: say 'updated' or 'total'")
+    if domains not in ("fixed", "stretched"):
+        raise InvalidScene(f"domains {domains!r}: say 'fixed' or 'stretched'")
+    if domains == "stretched" and (frame == "total" or shape_function is not gimp):
+        raise InvalidScene("stretched domains: only GIMP in the updated frame has domains that move, use domains='fixed'")
+    if not 0 <= alpha < 1:
+        raise InvalidScene(f"background alpha {alpha}: give a number from 0 to below 1, such as 1e-5")
+    if law is not None and law.poisson != body.material.poisson:
+        raise InvalidScene(
+            f"law with Poisson's ratio {law.poisson} for a material of {body.material.poisson}: give both the same"
+        )
+    for load in body.loads:
+        if not isinstance(load, PointLoad | RegionLoad) or (isinstance(load, PointLoad) and load.points == 0):
+            raise InvalidScene(f"{load} in large deformation: only points carry loads with them; give it points to act on")
+
+
+def _forces(body: Scene, grid: Grid, points: MaterialPoints) -> Array:
+    force = np.zeros_like(points.x)
+    for load in body.loads:
+        carriers, share = load.shares(points.x, 1e-9 * min(grid.h))
+        np.add.at(force, carriers, np.outer(share, load.force))
+    if not np.any(force):
+        raise LoadOutsideBody("the loads are zero: give a force")
+    return force
+
+
+def _unknowns(body: Scene, grid: Grid, shape_function: ShapeFunction) -> tuple[Index, Array]:
+    """Unknown and sign of every degree of freedom of the box, see `Model`.
+
+    A B-spline is not zero where one line of nodes is: its supports hold the nodes beyond the domain's box, too, whose
+    nearest position of the box is held, and the first of them mirror those inside, u_-1 = -u_1. That is `bspline2` with
+    its end closed, u_-1 = 2 u_0 - u_1, and free of the body's place.
+    """
+    position, tol = grid.node_positions(), 1e-9 * min(grid.h)
+    spline = shape_function is bspline2
+    lower, upper = body.domain.bounds
+    nearest = np.clip(position, lower, upper) if spline else position
+    held = np.zeros((len(position), 2), dtype=bool)
+    for support in body.supports:
+        inside = support.region.contains(position, tol) | support.region.contains(nearest, tol)
+        if not np.any(inside):
+            at = support.region.bounds
+            raise UnsupportedBody(f"the support from {at[0]} to {at[1]} holds no node of the box: move it onto the body")
+        held |= inside[:, None] & np.array(support.fixed)
+    free = np.flatnonzero(~held.ravel())
+    unknown, sign = np.full(held.size, -1), np.ones(held.size)
+    unknown[free] = np.arange(len(free))
+    if spline:
+        beyond = np.any((position < lower - tol) | (position > upper + tol), axis=1)
+        of, as_ = _mirrored(held.reshape(*grid.nodes, 2), beyond.reshape(grid.nodes))
+        unknown[of], sign[of] = unknown[as_], -1
+    return unknown, sign
+
+
+def _mirrored(held: Mask, beyond: Mask) -> tuple[Index, Index]:
+    """Degrees of freedom of nodes `beyond` the domain that are held, with the next node held and the one after it free
+    along some axis; and that free one."""
+    dof = np.arange(held.size).reshape(held.shape)
+    found: dict[int, int] = {}
+    for axis in (0, 1):
+        for back in (False, True):
+            H, B, d = ((np.flip(a, axis) if back else a).swapaxes(0, axis) for a in (held, beyond, dof))
+            some = H[:-2] & H[1:-1] & ~H[2:] & B[:-2, :, None]
+            found = dict(zip(d[:-2][some].tolist(), d[2:][some].tolist(), strict=True)) | found
+    return np.array(list(found.keys()), np.intp), np.array(list(found.values()), np.intp)
