@@ -14,6 +14,11 @@ ORDER = [
     *(f"optimize.{name}" for name in ("protocols", "subproblem", "state", "mma", "gcmma", "optimality_criteria")),
     *(f"optimize.{name}" for name in ("checkpoint", "loop")),
     *("optimize", "export"),
+    *(
+        f"large_deformation.{name}"
+        for name in ("law", "kinematics", "background", "assembly", "model", "step", "steps")
+    ),
+    *("large_deformation.adjoint", "large_deformation.objectives", "large_deformation"),
 ]
 LIBRARIES = {"mpmtop": {"numpy", "scipy"}, "reference_fem": {"numpy", "scipy", "skfem", "mpmtop"}}
 STANDARD = sys.stdlib_module_names

@@ -1,2 +1,4 @@
-"""Large deformation: implicit, quasi-static load steps in which points cross cells by themselves, and the exact gradient
-through all of them. See `mpmtop.large_deformation.model` for what is solved."""
+"""Large deformation: implicit, quasi-static load steps in which points cross cells by themselves, and their gradient.
+
+See `mpmtop.large_deformation.model` for what is solved.
+"""

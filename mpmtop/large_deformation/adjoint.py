@@ -7,9 +7,9 @@ With bars for dJ/d(.), and lambda the nodal adjoint of a step, Lambda_p = sum_i 
     g_bar_pi = F^^T u_i - V0 E P^T lambda_i,    N_bar_pi = x_bar . u_i + t f_p . lambda_i
     dJ/dE_p -= V0 P : Lambda                                             (P at unit modulus)
 
-and at the step's start, in the updated frame, F_bar = F^ + what g = F^T grad N and the stretched domains depend on F by,
-x_bar += what N and grad N depend on x by: the second derivatives of the weights. An adjoint that leaves these out is
-that of another scheme. The adjoint is linear in J: it starts from zero, and each step adds the objective's own part.
+and at the step's start, in the updated frame, F_bar = F^ + what g = F^T grad N and the stretched domains depend on F
+by, x_bar += what N and grad N depend on x by: the second derivatives of the weights. An adjoint that leaves these out
+is that of another scheme. The adjoint is linear in J: it starts from zero, and each step adds the objective's own part.
 """
 
 from collections.abc import Callable
@@ -23,8 +23,8 @@ from mpmtop.large_deformation.law import tangent
 from mpmtop.large_deformation.model import Model
 from mpmtop.large_deformation.step import Problem, State, operators
 from mpmtop.large_deformation.steps import Trajectory
-from mpmtop.linear_solver import SingularMatrix
 from mpmtop.scene import Array, UnsupportedBody
+from mpmtop.solvers.pattern import SingularMatrix
 
 
 class Seed(NamedTuple):
@@ -62,7 +62,9 @@ def _step_back(model: Model, path: Trajectory, n: int, x_bar: Array, F_bar: Arra
         K = problem.tangent(found.F)
         solve = factorised(K)
     except SingularMatrix as error:
-        raise UnsupportedBody(f"load step {n} of {model.steps}: its tangent is singular, there is no gradient") from error
+        raise UnsupportedBody(
+            f"load step {n} of {model.steps}: its tangent is singular, there is no gradient"
+        ) from error
     q = solve(right)
     q += solve(right - K @ q)  # the factorisation is pivoted for speed
     adjoint = ops.nodal(q)

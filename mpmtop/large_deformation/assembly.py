@@ -12,9 +12,9 @@ import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
 from mpmtop.grid import Grid
-from mpmtop.scene import Array, Index
 from mpmtop.large_deformation.kinematics import Weights
-from mpmtop.linear_solver import SingularMatrix, Solve
+from mpmtop.scene import Array, Index
+from mpmtop.solvers.pattern import SingularMatrix, Solve
 
 PIVOT = 1e-3
 """Part of a column's largest entry that the diagonal must have to be the pivot. The tangent is symmetric and mostly
@@ -26,13 +26,13 @@ def scatter(index: Index, values: Array, size: int) -> Array:
     index, values = index.ravel(), values.ravel()
     if np.iscomplexobj(values):
         return np.bincount(index, values.real, size) + 1j * np.bincount(index, values.imag, size)
-    return np.bincount(index, values, size)
+    return np.bincount(index, values, size).astype(float, copy=False)
 
 
 @dataclass(frozen=True, eq=False)
 class Assembly:
-    """Where the matrices of the points go: slots (p, n, 2, 2, n), in order node, component, component, node, of an array
-    of `slots` entries, of which `kept` (k,), times `sign` (k,), go to the `entry` (k,) of the tangent.
+    """Where the matrices of the points go: slots (p, n, 2, 2, n), in order node, component, component, node, of an
+    array of `slots` entries, of which `kept` (k,), times `sign` (k,), go to the `entry` (k,) of the tangent.
 
     The tangent (m, m) has the pattern `indices`, `indptr` by columns and the `constant` part of the background.
     """
@@ -72,7 +72,9 @@ def assembly(grid: Grid, weights: Weights, unknown: Index, sign: Array, constant
 
     d = np.arange(width) - n1 + 1
     i, j = np.divmod(touched, grid.nodes[1])
-    i, j = (np.broadcast_to(a, (len(touched), width, width)) for a in (i[:, None, None] + d[:, None], j[:, None, None] + d))
+    i, j = (
+        np.broadcast_to(a, (len(touched), width, width)) for a in (i[:, None, None] + d[:, None], j[:, None, None] + d)
+    )
     inside = (i >= 0) & (i < grid.nodes[0]) & (j >= 0) & (j < grid.nodes[1])
     other = np.where(inside, i * grid.nodes[1] + j, 0).reshape(len(touched), -1, 1, 1)
     c = np.arange(2)
@@ -93,7 +95,7 @@ def assembly(grid: Grid, weights: Weights, unknown: Index, sign: Array, constant
         kept,
         sign[one] * sign[other],
         entry[: len(kept)],
-        np.bincount(entry[len(kept) :], fixed.data, len(pattern)),
+        scatter(entry[len(kept) :], fixed.data, len(pattern)),
         (pattern % m).astype(np.int32),
         indptr.astype(np.int32),
     )

@@ -2,10 +2,10 @@
 
 Its energy on the increment du of a step is (1/2) alpha E0 int |grad du|^2 over the box, with bilinear functions: small
 enough to leave the answer alone, and it gives every node of the box a stiffness that no moving point switches on or
-off. Without it the tangent is singular as soon as a cell at the body's boundary holds too few points, and stabilisations
-that follow the cut cells make the objective jump whenever the cells change.
+off. Without it the tangent is singular as soon as a cell at the body's boundary holds too few points, and
+stabilisations that follow the cut cells make the objective jump whenever the cells change.
 
-What the points do not touch in a step is eliminated before it: K_aa - K_ae K_ee^-1 K_ea, exactly.
+It does not couple the components. What the points do not touch in a step is eliminated before it, exactly.
 """
 
 from dataclasses import dataclass
@@ -17,29 +17,64 @@ from scipy.sparse.linalg import splu
 from mpmtop.grid import Grid
 from mpmtop.scene import Array, Index, Mask
 
+SYMMETRIC = {"SymmetricMode": True, "DiagPivotThresh": 0.0}
+"""SuperLU, told that the diagonal serves as pivots, as it does of what is symmetric and positive definite."""
+
+
+@dataclass(frozen=True, eq=False)
+class Component:
+    """Stiffness K (k, k) of one component's unknowns, which among all of them are `unknown` (k,); and an `order` (k,)
+    in which they are eliminated with little fill."""
+
+    K: sp.csr_array
+    unknown: Index
+    order: Index
+
+    def condensed(self, active: Mask) -> sp.csr_array:
+        """K_aa - K_ae K_ee^-1 K_ea (a, a) on the `active` (k,), with all others free of force.
+
+        With K = L U and the active ones last, what is eliminated leaves S = L_aa U_aa: no system is solved.
+        """
+        K_aa = sp.csr_array(self.K[active][:, active])
+        edge = np.zeros(len(active), bool)
+        edge[self.K[~active].indices] = True
+        edge &= active
+        if not np.any(edge):
+            return K_aa
+        others = self.order[~active[self.order]]
+        both = np.append(others, np.flatnonzero(edge))
+        lu = splu(sp.csc_array(self.K[both][:, both]), permc_spec="NATURAL", options=SYMMETRIC)
+        last = lu.perm_c[len(others) :]
+        S = (sp.csr_array(lu.L)[last] @ _only(sp.csc_array(lu.U)[:, last], last)).toarray()
+        place = (np.cumsum(active) - 1)[edge]
+        inner = sp.csr_array(self.K[edge][:, edge]).toarray()
+        row, column = np.meshgrid(place, place, indexing="ij")
+        return sp.csr_array(K_aa + sp.csr_array(((S - inner).ravel(), (row.ravel(), column.ravel())), shape=K_aa.shape))
+
+
+def _only(U: sp.csc_array, rows: Index) -> sp.csr_array:
+    """U with all other rows zero."""
+    kept = np.zeros(U.shape[0])
+    kept[rows] = 1
+    return sp.csr_array(sp.diags_array(kept) @ U)
+
 
 @dataclass(frozen=True, eq=False)
 class Background:
-    """Stiffness K (m, m) on the m unknowns of the box, symmetric and positive definite once something holds it."""
+    """Stiffness on the m unknowns of the box: one component, or one that both share. Positive definite once something
+    holds it."""
 
-    K: sp.csr_array
+    components: tuple[Component, Component]
 
     def condensed(self, active: Mask) -> sp.csr_array:
         """Its stiffness (a, a) on the `active` (m,) unknowns, with all others free of force."""
-        K_aa = self.K[active][:, active]
-        if np.all(active):
-            return sp.csr_array(K_aa)
-        K_ea = self.K[~active][:, active]
-        edge = np.unique(K_ea.indices)
-        solve = splu(sp.csc_array(self.K[~active][:, ~active]), permc_spec="MMD_AT_PLUS_A", options=SYMMETRIC).solve
-        K_eb = K_ea[:, edge].toarray()
-        less = K_eb.T @ solve(K_eb)
-        row, column = np.meshgrid(edge, edge, indexing="ij")
-        return sp.csr_array(K_aa - sp.csr_array((less.ravel(), (row.ravel(), column.ravel())), shape=K_aa.shape))
-
-
-SYMMETRIC = {"SymmetricMode": True, "DiagPivotThresh": 0.0}
-"""SuperLU, told that the diagonal serves as pivots."""
+        x, y = self.components
+        of_x, of_y = active[x.unknown], active[y.unknown]
+        first = x.condensed(of_x)
+        second = first if y.K is x.K and np.array_equal(of_x, of_y) else y.condensed(of_y)
+        place = np.cumsum(active) - 1
+        where = np.argsort(np.append(place[x.unknown[of_x]], place[y.unknown[of_y]]))
+        return sp.csr_array(sp.block_diag([first, second], format="csr")[where][:, where])
 
 
 def background(grid: Grid, unknown: Index, sign: Array, size: float) -> Background:
@@ -51,10 +86,24 @@ def background(grid: Grid, unknown: Index, sign: Array, size: float) -> Backgrou
     nx, ny = grid.nodes
     lower_left = (np.arange(nx - 1)[:, None] * ny + np.arange(ny - 1)).ravel()
     nodes = lower_left[:, None] + np.array([0, 1, ny, ny + 1])
-    dof = np.stack([2 * nodes, 2 * nodes + 1])  # (component, cell, corner)
-    row, column = np.broadcast_arrays(dof[..., :, None], dof[..., None, :])
-    kept = (unknown[row] >= 0) & (unknown[column] >= 0)
-    row, column = row[kept], column[kept]
-    value = np.broadcast_to(cell, kept.shape)[kept] * sign[row] * sign[column]
-    m = int(unknown.max()) + 1
-    return Background(sp.csr_array((value, (unknown[row], unknown[column])), shape=(m, m)))
+    row, column = np.broadcast_arrays(nodes[:, :, None], nodes[:, None, :])
+    laplacian = sp.coo_array(
+        (np.broadcast_to(cell, row.shape).ravel(), (row.ravel(), column.ravel())), shape=(nx * ny,) * 2
+    )
+    laplacian = sp.csr_array(laplacian)
+
+    def component(c: int) -> Component:
+        of = unknown[c::2]
+        free = np.flatnonzero(of >= 0)
+        mine, place = np.unique(of[free], return_inverse=True)
+        T = sp.csr_array((sign[c::2][free], (free, place)), shape=(nx * ny, len(mine)))
+        K = sp.csr_array(T.T @ laplacian @ T)
+        order = np.argsort(
+            splu(sp.csc_array(K + sp.eye_array(len(mine)) * size), permc_spec="MMD_AT_PLUS_A", options=SYMMETRIC).perm_c
+        )
+        return Component(K, mine, order)
+
+    x, y = component(0), component(1)
+    if x.K.shape == y.K.shape and (x.K != y.K).nnz == 0:
+        y = Component(x.K, y.unknown, x.order)
+    return Background((x, y))

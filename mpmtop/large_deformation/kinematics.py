@@ -12,12 +12,12 @@ import numpy as np
 from mpmtop.grid import Grid
 from mpmtop.large_deformation.law import cofactor, jacobian
 from mpmtop.scene import Array, Index, Mask, PointOutsideGrid
-from mpmtop.shape_functions import ShapeFunction, bspline2, gimp, tent
+from mpmtop.shape_functions import ShapeFunction, bspline2, tent
 
 Domains = Literal["fixed", "stretched"]
 WIDEST = 0.49
-"""Half-length [cells] at which a stretched domain is clipped: GIMP's functions are made for domains of one cell at most,
-and at exactly one both ends may lie on grid lines at a time."""
+"""Half-length [cells] at which a stretched domain is clipped: GIMP's functions are made for domains of one cell at
+most, and at exactly one both ends may lie on grid lines at a time."""
 KINK = 1e-12
 """Distance [cells] within which a position is on a grid line, see `mpmtop.transfer.located`."""
 BEND = np.array([1.0, -2.0, 1.0])
@@ -107,8 +107,8 @@ def pull_back(weights: Weights, N_bar: Array, grad_N_bar: Array) -> tuple[Array,
     def along(a: Array, m: Array, b: Array) -> Array:
         return np.einsum("pi,pij,pj->p", a, m, b)
 
-    assert X.xx is not None and X.l is not None and X.xl is not None  # noqa: S101
-    assert Y.xx is not None and Y.l is not None and Y.xl is not None  # noqa: S101
+    assert X.xx is not None and X.l is not None and X.xl is not None
+    assert Y.xx is not None and Y.l is not None and Y.xl is not None
     x = along(X.x, M, Y.N) + along(X.xx, Mx, Y.N) + along(X.x, My, Y.x)
     y = along(X.N, M, Y.x) + along(X.x, Mx, Y.x) + along(X.N, My, Y.xx)
     lx = along(X.l, M, Y.N) + along(X.xl, Mx, Y.N) + along(X.l, My, Y.x)

@@ -26,7 +26,17 @@ from mpmtop.large_deformation.background import Background, background
 from mpmtop.large_deformation.kinematics import Domains
 from mpmtop.large_deformation.law import Hencky, Law
 from mpmtop.points import MaterialPoints, seed
-from mpmtop.scene import Array, Index, InvalidScene, LoadOutsideBody, Mask, PointLoad, RegionLoad, Scene, UnsupportedBody
+from mpmtop.scene import (
+    Array,
+    Index,
+    InvalidScene,
+    LoadOutsideBody,
+    Mask,
+    PointLoad,
+    RegionLoad,
+    Scene,
+    UnsupportedBody,
+)
 from mpmtop.shape_functions import ShapeFunction, bspline2, gimp, tent
 
 Frame = Literal["updated", "total"]
@@ -36,7 +46,8 @@ Frame = Literal["updated", "total"]
 class Model:
     """All that stays the same while densities change. `force` (p, 2) are the points' dead loads at full load.
 
-    Degree of freedom 2 node + component of the box is `sign` times `unknown`, or held where that is -1; (2 nodes,) each.
+    Degree of freedom 2 node + component of the box is `sign` times `unknown`, or held where that is -1, each
+    (2 nodes,).
     """
 
     grid: Grid
@@ -79,10 +90,10 @@ def discretise(
 ) -> Model:
     """Discretise `body` by cells of size h with ppc points per cell and direction, for `steps` equal load steps.
 
-    `frame` is "updated" or "total"; `domains` of GIMP stay "fixed" or are "stretched" with the points; `law` is Hencky's
-    with the material's Poisson's ratio unless given; `alpha` is the part of E0 that the background has, 0 for none.
-    `grid` is the box that the body must not leave; unless given it is the body's and half its longer side all around.
-    The number of steps is part of the discretisation: 8 and 16 are two problems.
+    `frame` is "updated" or "total"; `domains` of GIMP stay "fixed" or are "stretched" with the points; `law` is
+    Hencky's with the material's Poisson's ratio unless given; `alpha` is the part of E0 that the background has, 0 for
+    none. `grid` is the box that the body must not leave; unless given it is the body's and half its longer side all
+    around. The number of steps is part of the discretisation: 8 and 16 are two problems.
 
     Raises InvalidScene for what is not available in large deformation: plane stress, loads that no point carries, other
     shape functions than tent, gimp and bspline2; EmptyDomain, LoadOutsideBody, UnsupportedBody as in small strain.
@@ -119,7 +130,9 @@ def _refuse(
     if domains not in ("fixed", "stretched"):
         raise InvalidScene(f"domains {domains!r}: say 'fixed' or 'stretched'")
     if domains == "stretched" and (frame == "total" or shape_function is not gimp):
-        raise InvalidScene("stretched domains: only GIMP in the updated frame has domains that move, use domains='fixed'")
+        raise InvalidScene(
+            "stretched domains: only GIMP in the updated frame has domains that move, use domains='fixed'"
+        )
     if not 0 <= alpha < 1:
         raise InvalidScene(f"background alpha {alpha}: give a number from 0 to below 1, such as 1e-5")
     if law is not None and law.poisson != body.material.poisson:
@@ -128,7 +141,9 @@ def _refuse(
         )
     for load in body.loads:
         if not isinstance(load, PointLoad | RegionLoad) or (isinstance(load, PointLoad) and load.points == 0):
-            raise InvalidScene(f"{load} in large deformation: only points carry loads with them; give it points to act on")
+            raise InvalidScene(
+                f"{load} in large deformation: only points carry loads with them; give it points to act on"
+            )
 
 
 def _forces(body: Scene, grid: Grid, points: MaterialPoints) -> Array:
@@ -157,7 +172,9 @@ def _unknowns(body: Scene, grid: Grid, shape_function: ShapeFunction) -> tuple[I
         inside = support.region.contains(position, tol) | support.region.contains(nearest, tol)
         if not np.any(inside):
             at = support.region.bounds
-            raise UnsupportedBody(f"the support from {at[0]} to {at[1]} holds no node of the box: move it onto the body")
+            raise UnsupportedBody(
+                f"the support from {at[0]} to {at[1]} holds no node of the box: move it onto the body"
+            )
         held |= inside[:, None] & np.array(support.fixed)
     free = np.flatnonzero(~held.ravel())
     unknown, sign = np.full(held.size, -1), np.ones(held.size)

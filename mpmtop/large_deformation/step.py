@@ -9,8 +9,8 @@ from mpmtop.large_deformation.assembly import Assembly, assembly, factorised, sc
 from mpmtop.large_deformation.kinematics import Weights, stretched, weights
 from mpmtop.large_deformation.law import jacobian, stress, tangent
 from mpmtop.large_deformation.model import Model
-from mpmtop.linear_solver import SingularMatrix, Solve
 from mpmtop.scene import Array, Index, Mask, NotConverged, UnsupportedBody
+from mpmtop.solvers.pattern import SingularMatrix, Solve
 
 TOLERANCE = 1e-11
 """Of |R| against the applied forces and reactions. Newton is quadratic there: the next step would be at rounding."""
@@ -131,7 +131,7 @@ class Trial:
     accepted: bool
 
 
-class Failure(Exception):  # noqa: N818
+class Failure(Exception):
     """Newton's method gave up, for the reason in the message; a smaller part of the load may do."""
 
 
@@ -151,19 +151,20 @@ class Problem:
         ops, volume = self.ops, self.model.points.volume
         F = self.F_old + ops.gradient(ops.nodal(q))
         J = jacobian(F).real
-        if not np.all(J > KEPT * jacobian(self.F_old).real * KEPT):
+        if not np.all(J > 0):
             return None
         P = (volume * self.moduli)[:, None, None] * stress(self.model.law, F)
         internal = ops.to_nodes(P)
         external = self.level * ops.to_nodes(np.zeros_like(P), self.model.force)
         R = ops.reduced(internal - external) + ops.soft @ q
         held = ops.unknown < 0
-        applied = np.linalg.norm(np.where(held, internal, external))
+        applied = float(np.linalg.norm(np.where(held, internal, external)))
         by_size = np.linalg.norm(scatter(ops.weights.node, np.linalg.norm(ops.g @ P.swapaxes(1, 2), axis=2), len(held)))
         size = float(np.linalg.norm(R))
         if not np.isfinite(size):
             return None
-        return Trial(q, F, R, size / max(applied, np.finfo(float).tiny), size <= max(self.tol * applied, ROUNDING * by_size))
+        accepted = bool(size <= max(self.tol * applied, ROUNDING * by_size))
+        return Trial(q, F, R, size / max(applied, np.finfo(float).tiny), accepted)
 
     def energy(self, trial: Trial) -> float:
         """Energy whose gradient is R."""

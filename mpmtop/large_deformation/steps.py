@@ -47,8 +47,8 @@ def trajectory(model: Model, moduli: Array, *, tol: float = TOLERANCE, polish: i
     """All load steps with the points' Young's moduli (p,).
 
     `tol` is the residual's part of the forces, reactions included; `polish` Newton steps more after it is met.
-    Raises NotConverged, UnsupportedBody and PointOutsideGrid with step and place, and LoadOutsideBody where void carries
-    the load.
+    Raises NotConverged, UnsupportedBody and PointOutsideGrid with step and place, and LoadOutsideBody where void
+    carries the load.
     """
     if np.shape(moduli) != (len(model.points.x),):
         raise ValueError(f"moduli of shape {np.shape(moduli)} for {len(model.points.x)} points: give one for each")
