@@ -5,35 +5,35 @@ import json
 import os
 import re
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from collections.abc import Set as AbstractSet
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined, select_autoescape
-from markdown_it import MarkdownIt
-from markupsafe import Markup
 
-from validation.harness.report import (
-    Claim,
-    Study,
-    Table,
-    Value,
-    data_files,
-    drawings,
-)
-from validation.harness.timed import PLACES, Place, Timed, time_of_studies, timed_drawings, timed_files
+from validation.harness.claims import KINDS, Tally, stands
+from validation.harness.contents import Contents
+from validation.harness.report import Drawing, Pixels, Table
+from validation.harness.store import Study, blocks_of, data_files, drawings
+from validation.harness import show
+from validation.harness.overview import Overview
+from validation.harness.timed import PLACES, Place, Regression, Timed, time_of_studies, timed_drawings, timed_files
 
 _CLOCK_PAGES: dict[str, Place] = {"timings": "timed", "benchmark": "benchmark"}
-# Raw HTML and pictures in prose are off: a page must hold all it shows.
-_MARKDOWN = MarkdownIt("commonmark", {"html": False}).disable("image")
+LONG, FOLDED = 12, 4
+"""Rows from which a table is folded, and tables of claims of our own from which they are."""
 
 
 @dataclass(frozen=True)
 class Measured:
-    """All that depends on the clock, before this run and after it."""
+    """All that depends on the clock or the machine, before this run and after it, and the sections that `ran` in it,
+    by study and test."""
 
     before: Sequence[Timed]
     now: Sequence[Timed]
+    ran: AbstractSet[tuple[str, str]] = field(default_factory=frozenset)
 
 
 def publish(
@@ -43,14 +43,18 @@ def publish(
     measured: Measured,
     figures: Mapping[str, bytes],
     provenance: Mapping[str, str],
+    contents: Contents,
 ) -> None:
     """Write the report of `studies`, remove what only the studies `before` had, and touch nothing else in the folder.
 
-    `figures` holds the SVGs drawn in this run, by path; those of sections that did not run are on disk.
+    `figures` holds what was drawn in this run, by path; that of sections that did not run is on disk.
     """
-    for path, svg in figures.items():
-        replace(directory / path, svg)
-    files = data_files(studies) | timed_files(measured.now) | pages(studies, measured.now, directory, provenance)
+    for path, drawn in figures.items():
+        replace(directory / path, drawn)
+    overview = Overview(studies, contents)
+    figures = overview.drawn(directory)
+    files: dict[str, str | bytes] = {**data_files(studies), **timed_files(measured.now), **figures}
+    files |= pages(studies, measured, directory, provenance, contents)
     files["data/provenance.json"] = json.dumps(provenance, indent=1) + "\n"
     for path, text in files.items():
         replace(directory / path, text)
@@ -71,9 +75,10 @@ def replace(path: Path, content: str | bytes) -> None:
 
 def pages(
     studies: Sequence[Study],
-    timed: Sequence[Timed],
+    measured: Measured,
     directory: Path,
     provenance: Mapping[str, str],
+    contents: Contents,
 ) -> dict[str, str]:
     """Markdown and HTML of every page, text by path relative to the report in `directory`, which holds the figures."""
     environment = Environment(
@@ -84,29 +89,18 @@ def pages(
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-    environment.filters |= {
-        "show": show,
-        "numeric": numeric,
-        "stated": stated,
-        "bounds": bounds,
-        "observed": observed,
-        "count": count,
-        "holding": holding,
-        "cell": cell,
-        "html": lambda markdown: Markup(_MARKDOWN.render(markdown)),
-        "inline": lambda markdown: Markup(_MARKDOWN.renderInline(markdown)),
-        "words": words,
-    }
-    environment.globals |= {
-        "image": lambda file, folder: image(directory / folder / f"{file}.svg"),
-        "studies": studies,
-        "timed": {place: [part for part in timed if part.place == place] for place in PLACES},
-        "time_of_studies": time_of_studies(timed, studies),
+    shown = (
+        *(show.html, show.inline, show.words, show.number, show.per_cent, show.show, show.observed, show.counted),
+        *(show.deviation, show.bounds, show.numeric, show.cell, stands),
+    )
+    environment.filters |= {function.__name__: function for function in shown}
+    environment.globals |= _facts(studies, measured, contents) | {
+        "image": lambda file, folder: image(directory / folder / file),
         "provenance": provenance,
     }
     files = {}
     for suffix in ("md", "html"):
-        for page in ("index", *_CLOCK_PAGES):
+        for page in ("index", "claims", *_CLOCK_PAGES):
             template = environment.get_template(f"{'measured' if page in _CLOCK_PAGES else page}.{suffix}")
             files[f"{page}.{suffix}"] = template.render(page=page, place=_CLOCK_PAGES.get(page))
         template = environment.get_template(f"study.{suffix}")
@@ -114,85 +108,62 @@ def pages(
     return files
 
 
-def count(claims: Iterable[Claim]) -> Counter[str]:
-    """Number of the paper's claims by verdict."""
-    return Counter(claim.verdict for claim in claims if claim.of_paper)
+def _facts(studies: Sequence[Study], measured: Measured, contents: Contents) -> dict[str, Any]:
+    """What every template may speak of."""
+    parts = {(part.study, part.test): part for part in measured.now}
+    ratios = {(*key, ratio.claim): ratio.ratio for key, part in parts.items() for ratio in part.ratios}
+    order = [study.name for study in studies]
+    return {
+        "studies": studies,
+        "groups": contents.grouped(studies),
+        "contents": contents,
+        "kinds": KINDS,
+        "overview": Overview(studies, contents),
+        "tally": lambda study=None: Tally.of(study.readings if study else [r for s in studies for r in s.readings]),
+        "regression": lambda name="": Regression.of(measured.now, name),
+        "part_of": lambda study, test: parts.get((study, test)),
+        "ratio_of": lambda study, test, claim: ratios.get((study, test, claim)),
+        "ran": measured.ran,
+        "labels_of": labels,
+        "neighbours": lambda name: _neighbours(order, name),
+        "designs": lambda study: [block for block in blocks_of([study], Pixels)],
+        "timed": {place: [part for part in measured.now if part.place == place] for place in PLACES},
+        "time_of_studies": time_of_studies(measured.now, studies),
+        "titles": {study.name: study.title for study in studies},
+        "long": LONG,
+        "folded": FOLDED,
+    }
 
 
-def holding(claims: Iterable[Claim]) -> tuple[int, int]:
-    """How many of our checks hold, of how many; a value reported for comparison only, "not stated", is not counted."""
-    verdicts = [claim.verdict for claim in claims if not claim.of_paper and claim.verdict != "not stated"]
-    return verdicts.count("agrees"), len(verdicts)
+def labels(study: Study) -> dict[str, str]:
+    """Numbers of the tables and figures of a page, by file."""
+    names = {"table": "Table", "figure": "Figure"}
+    counts: Counter[str] = Counter()
+    found = {}
+    for block in (*study.opening, *(block for section in study.sections for block in section.blocks)):
+        if isinstance(block, Table | Drawing):
+            counts[block.kind] += 1
+            found[block.file] = f"{names[block.kind]} {counts[block.kind]}."
+    return found
 
 
-def show(value: Value | None) -> str:
-    """A cell's text: no value as a dash, numbers in the digits they were stored with."""
-    if value is None:
-        return "–"
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    if isinstance(value, float):
-        return short(f"{value:.12g}")
-    return str(value)
-
-
-def stated(claim: Claim) -> str:
-    """What the source says: the expected value with its tolerance, or the bounds."""
-    if claim.expected == "":
-        return "–"
-    text = bounds(show(claim.expected))
-    if claim.rtol is None:
-        return text
-    return (
-        f"{text} ± {show(100 * claim.rtol)}\u00a0%" if claim.rtol >= 1e-4 else f"{text} (relative {show(claim.rtol)})"
-    )
-
-
-def bounds(text: str) -> str:
-    """Bounds in their usual signs."""
-    return short(text.replace(">=", "≥").replace("<=", "≤"))
-
-
-def short(text: str) -> str:
-    """Numbers with the exponent as people write it, 1e-06 as 1e-6."""
-    return re.sub(r"(\de)([+-]?)0*(\d)", lambda m: m[1] + m[2].strip("+") + m[3], text)
-
-
-def numeric(table: Table) -> list[bool]:
-    """Which columns hold numbers, set to the right."""
-    columns = zip(*table.rows, strict=True) if table.rows else [()] * len(table.columns)
-    return [any(isinstance(v, int | float) and not isinstance(v, bool) for v in column) for column in columns]
-
-
-def observed(claim: Claim) -> str:
-    """What we get, with its deviation from an expected number."""
-    text = show(claim.observed)
-    if any(isinstance(value, str | bool) for value in (claim.observed, claim.expected)):
-        return text
-    if not claim.expected or claim.observed == claim.expected:
-        return text
-    percent = 100 * (float(claim.observed) - float(claim.expected)) / abs(float(claim.expected))
-    return f"{text} ({'+' if percent > 0 else ''}{show(float(f'{percent:.2g}'))}\u00a0%)"
-
-
-def cell(text: str) -> str:
-    """Text fit for a cell of a Markdown table."""
-    return " ".join(text.split()).replace("|", "\\|")
-
-
-def words(markdown: str) -> str:
-    """Inline Markdown without its marks, for titles and alternative texts."""
-    return "".join(token.content for token in _MARKDOWN.parseInline(markdown)[0].children or ())
+def _neighbours(order: Sequence[str], name: str) -> tuple[str | None, str | None]:
+    """The studies before and after one."""
+    place = order.index(name)
+    return (order[place - 1] if place else None, order[place + 1] if place + 1 < len(order) else None)
 
 
 def image(path: Path) -> dict[str, str] | None:
-    """Source and size [CSS px] of an SVG as part of a page; None if the file is absent.
+    """Source and size [CSS px] of an SVG or PNG as part of a page; None if the file is absent.
 
     A data URI keeps the page self-contained and the ids of one figure apart from those of another.
     """
     if not path.exists():
         return None
-    svg = path.read_bytes()
-    size = re.search(rb'width="([\d.]+)pt" height="([\d.]+)pt"', svg)
+    drawn = path.read_bytes()
+    encoded = base64.b64encode(drawn).decode()
+    if path.suffix == ".png":
+        return {"src": f"data:image/png;base64,{encoded}", "width": "auto", "height": "auto"}
+    size = re.search(rb'width="([\d.]+)pt" height="([\d.]+)pt"', drawn)
     width, height = (str(round(float(length) * 4 / 3)) for length in size.groups()) if size else ("auto", "auto")
-    return {"src": "data:image/svg+xml;base64," + base64.b64encode(svg).decode(), "width": width, "height": height}
+    return {"src": f"data:image/svg+xml;base64,{encoded}", "width": width, "height": height}

@@ -17,6 +17,7 @@ import subprocess
 import sys
 import threading
 import time
+from collections import Counter
 from collections.abc import Generator, Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -32,8 +33,11 @@ from pytest_regressions.num_regression import NumericRegressionFixture
 from rich.console import Console
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
-from validation.harness.pages import Measured, count, holding, publish
-from validation.harness.report import Ran, Report, Study, marked, merge, read
+from validation.contents import CONTENTS
+from validation.harness.claims import Tally
+from validation.harness.pages import Measured, publish
+from validation.harness.report import Locked, Report
+from validation.harness.store import Ran, Study, marked, merge, read
 from validation.harness.timed import merge_timed, read_timed
 from validation.measures.drawing import STYLE
 
@@ -163,8 +167,9 @@ def report(request: pytest.FixtureRequest) -> Report:
 
 
 @pytest.fixture
-def lock(num_regression: NumericRegressionFixture, request: pytest.FixtureRequest) -> Lock:
-    """Regression of numbers, by name, against the CSV in the study's folder `locks`; made anew by --force-regen."""
+def lock(num_regression: NumericRegressionFixture, request: pytest.FixtureRequest, report: Report) -> Lock:
+    """Regression of numbers, by name, against the CSV in the study's folder `locks`; made anew by --force-regen. Drift
+    and tolerance go to the report before a difference ends the test."""
 
     def check(numbers: Mapping[str, float], *, rtol: float) -> None:
         absent = [name for name, number in numbers.items() if not np.isfinite(number)]
@@ -175,8 +180,11 @@ def lock(num_regression: NumericRegressionFixture, request: pytest.FixtureReques
         if stored.exists() and not renewed:
             # num_regression compares the columns it is given and passes over one that is no longer computed
             with stored.open(encoding="utf-8", newline="") as lines:
-                columns = set(next(csv.reader(lines))) - {""}
-            assert set(numbers) == columns, f"other numbers than {stored.name} holds: rerun with --force-regen if meant"
+                (row,) = csv.DictReader(lines)
+            held = {name: float(number) for name, number in row.items() if name}
+            report.locks += [Locked(name, held[name], float(numbers[name]), rtol) for name in numbers if name in held]
+            others = f"other numbers than {stored.name} holds: rerun with --force-regen if meant"
+            assert set(numbers) == set(held), others
         num_regression.check(
             {name: np.array([number]) for name, number in numbers.items()},
             fullpath=stored,
@@ -261,20 +269,31 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
     timed = read_timed(directory)
     commit = re.sub(r"^([0-9a-f]{10})[0-9a-f]*", r"commit \1", provenance["commit"])
     when = f"{provenance['date'][:10]}, {commit}"
-    measured = Measured(timed, merge_timed(timed, reports, studies, provenance["machine"], when))
-    claims = [claim for study in studies for claim in study.claims]
-    verdicts, (hold, checks) = count(claims), holding(claims)
-    claims_run = f"{sum(len(report.claims) for report in reports)} of {len(claims)} claims run"
-    run.summary = [
-        f"report: {directory / 'index.html'}",
-        f"{claims_run}; paper: {verdicts['agrees']} agree, {verdicts['differs']} differ, {verdicts['not stated']} not "
-        f"stated; our checks: {hold} of {checks} hold",
-    ]
-    figures = {f"figures/{file}.svg": svg for report in reports for file, svg in report.figures.items()}
+    now = merge_timed(timed, reports, studies, provenance["machine"], when, provenance["command"])
+    measured = Measured(timed, now, {(report.study, report.test) for report in reports})
+    run.summary = [f"report: {directory / 'index.html'}", *_summary(studies, reports, run.crashed)]
+    figures = {}
     for report in reports:
+        figures |= {f"figures/{file}": drawn for file, drawn in (report.files | report.opening.files).items()}
         place = "benchmark" if report.benchmark else "timed"
-        figures |= {f"{place}/{file}.svg": svg for file, svg in report.timed.figures.items()}
-    publish(directory, list(before.values()), studies, measured, figures, {"claims": claims_run} | provenance)
+        figures |= {f"{place}/{file}": drawn for file, drawn in report.timed.files.items()}
+    publish(directory, list(before.values()), studies, measured, figures, provenance, CONTENTS)
+
+
+def _summary(studies: Iterable[Study], reports: Iterable[Report], crashed: Iterable[object]) -> list[str]:
+    """What ran in this session, and of the rest nothing."""
+    ran = {(report.study, report.test) for report in reports}
+    readings = [r for study in studies for r in study.readings if (r.study, r.test) in ran]
+    tally = Tally.of(readings)
+    paper = sum(tally.paper.values(), Counter())
+    locks = [lock for report in reports for lock in report.locks]
+    failed = len({(report.study, report.test) for report in reports if report.ended_by}) + len(list(crashed))
+    return [
+        f"{len(readings)} claims of {len({study for study, _ in ran})} studies ran; statements of the paper: "
+        f"{paper['agrees']} agree, {paper['by reading']} by reading, {paper['differs']} differ, {paper['not stated']} not "
+        f"stated; our checks: {tally.checks['holds']} of {tally.required} hold; locked values: "
+        f"{sum(lock.within for lock in locks)} of {len(locks)} within tolerance; sections that failed: {failed}",
+    ]
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: pytest.Config) -> None:
@@ -285,7 +304,11 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: p
 def _ran(item: pytest.Function, report: Report) -> Ran:
     module = item.module
     position = item.session.items.index(item)
-    return Ran(position, item.path.parent, module.__doc__, tuple(vars(module)), item.function.__doc__, report)
+    root = item.config.rootpath
+    path = item.path.relative_to(root) if item.path.is_relative_to(root) else item.path
+    asked = str(getattr(module, "ASKED", ""))
+    names, docstring = tuple(vars(module)), item.function.__doc__
+    return Ran(position, item.path.parent, path.as_posix(), module.__doc__, names, asked, docstring, report)
 
 
 def _studies(ran: Iterable[Ran], crashed: Iterable[tuple[Path, str]], before: Mapping[str, Study]) -> list[Study]:
@@ -299,7 +322,7 @@ def _studies(ran: Iterable[Ran], crashed: Iterable[tuple[Path, str]], before: Ma
     studies = {name: study for name, study in before.items() if name in present}
     studies |= {name: merge(before.get(name), runs) for name, runs in by_study.items()}
     lost = {(study_of(module.parent), test) for module, test in crashed}
-    return [marked(studies[name], lost) for name in sorted(studies)]
+    return [marked(studies[name], lost) for name in CONTENTS.ordered(studies)]
 
 
 def study_of(folder: Path) -> str:

@@ -1,50 +1,31 @@
-"""The report of a validation run: what a study records, and the files made from it.
+"""What a study records: text, tables, figures, designs and claims, section by section.
 
-A study is a module `test_<study>.py`; each of its test functions is a section. Sections are kept in one JSON store per
-study, `data/<study>.json`; every page and table is a function of the stores, so a run of part of the studies replaces
-the sections that ran and leaves the rest as they were. Stores, Markdown, CSV and SVG are the same on every run of one
-commit; what depends on the clock or the machine is written apart from them, see `validation.harness.timed`.
+A study is a module `test_<study>.py`; each of its test functions is a section with a `Report` of its own. What is
+recorded goes to the stores of `store`; what depends on the clock or the machine goes to those of `timed`.
 """
 
-import csv
 import io
-import json
 import math
 import re
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Iterable
+from dataclasses import dataclass, field
 from inspect import cleandoc
-from pathlib import Path
-from typing import Any, Literal, TypeVar
+from typing import Any, Literal
 
 import matplotlib as mpl
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
+from PIL import Image
 
-Value = float | int | bool | str
-Block = TypeVar("Block")
-Verdict = Literal["agrees", "differs", "not stated"]
-RESERVED = ("index", "timings", "benchmark", "provenance", "claims")  # names of the report's own files
-CLAIM_COLUMNS = ("study", "claim", "observed", "expected", "rtol", "source", "verdict")
+from validation.harness.claims import OWN_WORDS, Claim, Statement, Value, Verdict
 
-
-@dataclass(frozen=True)
-class Claim:
-    """What a source states (`expected`, "" if nothing) beside what a study observed, and the verdict."""
-
-    claim: str
-    observed: Value
-    expected: Value
-    rtol: float | None
-    source: str
-    verdict: Verdict
-
-    @property
-    def of_paper(self) -> bool:
-        """Whether the source begins with a place in the paper, as in "Sect. 6.1: stiffer"; if not, a check of ours."""
-        return re.match(r"(Sects?|Figs?|Eqs?)\.|(Appendix|Table)\b", self.source) is not None
+RESERVED = ("index", "claims", "timings", "benchmark", "provenance")
+"""Names of the report's own files."""
+PLACE = re.compile(r"(Sects?|Figs?|Eqs?)\.|(Appendix|Table)\b")
+"""How a place in the paper begins."""
 
 
 @dataclass(frozen=True)
@@ -57,12 +38,14 @@ class Text:
 
 @dataclass(frozen=True)
 class Table:
-    """Rows of cells, one per column, None where there is no value; also written as `data/<file>.csv`."""
+    """Rows of cells, one per column, None where there is no value; also written as `data/<file>.csv`. Columns in
+    `percent` hold ratios that are shown in per cent."""
 
     file: str
     caption: str
     columns: list[str]
     rows: list[list[Value | None]]
+    percent: list[str] = field(default_factory=list)
     kind: Literal["table"] = "table"
 
 
@@ -76,15 +59,25 @@ class Drawing:
 
 
 @dataclass(frozen=True)
-class Section:
-    """What one test function recorded; `ended_by` names the exception that ended it, "" if it passed."""
+class Pixels:
+    """A design: `figures/<file>.png` has one grey pixel for each point, 0 white and 1 black, none outside the body.
 
-    test: str
-    title: str
-    text: str
-    ended_by: str
-    claims: list[Claim]
-    blocks: list[Text | Table | Drawing]
+    `own` is the objective by the method that made it, `true` the judge's (None: not judged), both in the `measure`
+    named. Designs of one `body` stand side by side, those `front` on the front page, too.
+    """
+
+    file: str
+    body: str
+    method: str
+    measure: str
+    own: float
+    true: float | None
+    size: list[int]
+    front: bool = False
+    kind: Literal["design"] = "design"
+
+
+Block = Text | Table | Drawing | Pixels
 
 
 @dataclass(frozen=True)
@@ -97,45 +90,63 @@ class Ratio:
     source: str
     verdict: Verdict
 
+    @property
+    def word(self) -> str:
+        """The verdict in words; a claim on time is a check of ours."""
+        return OWN_WORDS[self.verdict]
+
 
 @dataclass(frozen=True)
-class Study:
-    """Sections in the order of the functions of `test_<name>.py`; title and introduction are its docstring."""
+class Locked:
+    """A number held to the one `stored` beside its study, within a relative tolerance."""
 
     name: str
-    title: str
-    introduction: str
-    sections: list[Section]
+    stored: float
+    now: float
+    rtol: float
 
     @property
-    def claims(self) -> list[Claim]:
-        """The claims of all sections."""
-        return [claim for section in self.sections for claim in section.claims]
+    def drift(self) -> float:
+        """Change since it was stored, relative to that; infinite from zero."""
+        if self.now == self.stored:
+            return 0.0
+        return (self.now - self.stored) / abs(self.stored) if self.stored else math.copysign(math.inf, self.now)
+
+    @property
+    def within(self) -> bool:
+        """Whether it holds."""
+        return abs(self.now - self.stored) <= self.rtol * abs(self.stored)
 
 
 class Recorder:
-    """Text, tables and figures in the order they come in.
+    """Text, tables, figures and designs in the order they come in.
 
     Captions are inline Markdown. Numbers are rounded to significant digits as they come in, so that committed text is
-    stable. `files` holds the names already taken.
+    stable. `taken` holds the names of files already taken, `files` what is drawn, by file name.
     """
 
-    def __init__(self, study: str, files: set[str]) -> None:
-        self.study, self._files = study, files
-        self.blocks: list[Text | Table | Drawing] = []
-        self.figures: dict[str, bytes] = {}
+    def __init__(self, study: str, taken: set[str]) -> None:
+        self.study, self._taken = study, taken
+        self.blocks: list[Block] = []
+        self.files: dict[str, bytes] = {}
 
     def text(self, markdown: str) -> None:
         """Record prose: paragraphs, **bold**, `code`, links and lists."""
         self.blocks.append(Text(cleandoc(markdown)))
 
-    def table(self, name: str, frame: pd.DataFrame, caption: str, digits: int = 6) -> None:
-        """Record a table; an index other than the default one becomes its first columns."""
+    def table(
+        self, name: str, frame: pd.DataFrame, caption: str, digits: int = 4, *, percent: Iterable[str] = ()
+    ) -> None:
+        """Record a table; an index other than the default one becomes its first columns. The columns in `percent` hold
+        ratios and are shown in per cent."""
         frame = frame if isinstance(frame.index, pd.RangeIndex) else frame.reset_index()
         rows = [
             [None if pd.isna(cell) else plain(cell, digits) for cell in row] for row in frame.to_numpy(dtype=object)
         ]
-        self.blocks.append(Table(self._take(name, "csv"), caption, [str(column) for column in frame.columns], rows))
+        columns, percent = [str(column) for column in frame.columns], list(percent)
+        if absent := [column for column in percent if column not in columns]:
+            raise ValueError(f"no column {absent[0]!r} in table {name!r}: it has {', '.join(columns)}")
+        self.blocks.append(Table(self._take(name, "csv"), caption, columns, rows, percent))
 
     def figure(self, name: str, figure: Figure, caption: str) -> None:
         """Record a matplotlib figure as SVG, the same bytes for the same drawing, and close it."""
@@ -144,36 +155,96 @@ class Recorder:
         with mpl.rc_context({"svg.hashsalt": file}):
             figure.savefig(svg, format="svg", metadata={"Date": None, "Creator": "mpmtop"})
         plt.close(figure)
-        self.figures[file] = svg.getvalue()
+        self.files[f"{file}.svg"] = svg.getvalue()
         self.blocks.append(Drawing(file, caption))
+
+    def design(
+        self,
+        name: str,
+        x: NDArray[np.float64],
+        half_length: NDArray[np.float64],
+        rho: NDArray[np.float64],
+        *,
+        body: str,
+        method: str,
+        measure: str,
+        own: float,
+        true: float | None = None,
+        front: bool = False,
+    ) -> None:
+        """Record densities rho (p,) in [0, 1] at positions x (p, 2) that own rectangles of half-length (p, 2), with
+        their objective by the method that made them and the `true` one, by a judge of all."""
+        file = self._take(name, "png")
+        pixels = raster(x, half_length, rho)
+        png = io.BytesIO()
+        Image.fromarray(pixels).save(png, format="PNG", optimize=True)
+        self.files[f"{file}.png"] = png.getvalue()
+        size = [pixels.shape[1], pixels.shape[0]]
+        own, true = float(f"{own:.4g}"), None if true is None else float(f"{true:.4g}")
+        self.blocks.append(Pixels(file, body, method, measure, own, true, size, front))
 
     def _take(self, name: str, suffix: str) -> str:
         file = f"{self.study}_{name}"
         if not re.fullmatch(r"[\w-]+", name, re.ASCII):
             raise ValueError(f"{name!r} becomes a file name: use letters, digits, _ and - only")
-        if f"{file}.{suffix}" in self._files:
+        if f"{file}.{suffix}" in self._taken:
             raise ValueError(f"{file}.{suffix} is already recorded: give each table and figure of a study its own name")
-        self._files.add(f"{file}.{suffix}")
+        self._taken.add(f"{file}.{suffix}")
         return file
+
+
+def raster(x: NDArray[np.float64], half_length: NDArray[np.float64], rho: NDArray[np.float64]) -> NDArray[np.uint8]:
+    """Grey and opacity (rows, columns, 2), top row first, of rectangles on a lattice of the smallest one's size."""
+    half_length = np.broadcast_to(half_length, x.shape)
+    side = 2 * half_length.min(axis=0)
+    first = np.rint((x - half_length - (x - half_length).min(axis=0)) / side).astype(int)
+    count = np.rint(2 * half_length / side).astype(int)
+    columns, rows = (first + count).max(axis=0)
+    pixels = np.zeros((rows, columns, 2), dtype=np.uint8)
+    grey = np.rint(255 * (1 - np.clip(rho, 0, 1))).astype(np.uint8)
+    for a, b in np.ndindex(*count.max(axis=0)):  # the pixels of the largest rectangle
+        covers = (a < count[:, 0]) & (b < count[:, 1])
+        pixels[rows - 1 - first[covers, 1] - b, first[covers, 0] + a] = np.stack(
+            [grey[covers], np.full(covers.sum(), 255)], axis=-1
+        )
+    return pixels
 
 
 class Report(Recorder):
     """Recorder of one test: text, tables, figures and claims become its part of the study's page.
 
-    Claims and sources are inline Markdown; verdicts are of the numbers before rounding. What `timed` records depends on
-    the clock, as do `ratios` and the seconds the test takes, on the `wall` and of `cpu`: they go to the timings page,
-    those of a `benchmark` to the page of that name.
+    Claims and sources are inline Markdown; verdicts are of the numbers before rounding. `opening` comes at the top of
+    the page: sketch and parameters of the scene. `found` and `so` are what came out and what it means, each a sentence
+    with its numbers, at the top of the page, too; `front` holds sentences for the front page, by topic. What depends on
+    the clock or the machine is kept apart: `timed`, `ratios`, `locks` and the seconds the test takes, on the `wall` and
+    of `cpu`; those of a `benchmark` on the page of that name.
     """
 
-    def __init__(self, study: str, test: str, files: set[str], benchmark: bool = False) -> None:
+    def __init__(self, study: str, test: str, taken: set[str], benchmark: bool = False) -> None:
         if study in RESERVED:
             raise ValueError(f"a study cannot be called {study!r}, a file of the report: rename its module")
-        super().__init__(study, files)
+        super().__init__(study, taken)
         self.test, self.ended_by, self.benchmark = test, "", benchmark
         self.claims: list[Claim] = []
         self.ratios: list[Ratio] = []
+        self.locks: list[Locked] = []
+        self.front: dict[str, list[str]] = {}
+        self.findings: list[str] = []
+        self.conclusions: list[str] = []
         self.wall = self.cpu = 0.0
-        self.timed = Recorder(study, files)
+        self.timed, self.opening = Recorder(study, taken), Recorder(study, taken)
+
+    def found(self, sentence: str, front: str = "") -> None:
+        """Record what came out, for the top of the page and, under the topic `front`, for the front page."""
+        self.findings.append(cleandoc(sentence))
+        if front:
+            self.front.setdefault(front, []).append(cleandoc(sentence))
+
+    def so(self, sentence: str, front: str = "") -> None:
+        """Record what follows from it, in the same way."""
+        self.conclusions.append(cleandoc(sentence))
+        if front:
+            self.front.setdefault(front, []).append(cleandoc(sentence))
 
     def check(
         self,
@@ -184,26 +255,42 @@ class Report(Recorder):
         rtol: float | None = None,
         at_most: float | None = None,
         at_least: float | None = None,
-        source: str,
+        source: str | Statement,
+        why: str = "",
+        reason: str = "",
+        unit: Literal["", "%"] = "",
     ) -> bool:
         """Record a claim and return whether it holds: |observed - expected| <= rtol |expected| (equality without rtol),
         or observed within the bounds given. Without either there is nothing to differ from; NaN always differs.
 
-        Raises ValueError if both kinds are given, or rtol without an expected number other than zero.
+        The source is a `Statement` of the paper, or says in words why the check is made. `why` is the reason for the
+        bound or the tolerance, `reason` the most likely one for a difference, shown only if there is one.
+
+        Raises ValueError if both kinds are given, rtol without an expected number other than zero, or a place in the
+        paper without what it states there.
         """
         bounds = [f"{sign} {bound:.12g}" for sign, bound in ((">=", at_least), ("<=", at_most)) if bound is not None]
         if expected is not None and bounds:
             raise ValueError(f"{claim!r}: give an expected value or bounds, not both")
         if rtol is not None and (isinstance(expected, bool | str) or not expected):
             raise ValueError(f"{claim!r}: rtol is relative to an expected number other than zero; give bounds instead")
+        if isinstance(source, str) and PLACE.match(source):
+            raise ValueError(f"{claim!r}: {source!r} is a place in the paper: give the Statement made there")
         if isinstance(observed, float) and math.isnan(observed):
             verdict: Verdict = "differs"
         elif expected is None and not bounds:
             verdict = "not stated"
         else:
             verdict = "agrees" if _holds(observed, expected, rtol, at_least, at_most) else "differs"
-        stated = " and ".join(bounds) if expected is None else plain(expected, digits=12)
-        self.claims.append(Claim(claim, plain(observed), stated, rtol, source, verdict))
+        counted = " and ".join(bounds) if expected is None else plain(expected, digits=12)
+        reason = reason if verdict == "differs" else ""
+        if isinstance(source, Statement):
+            place, kind, stated, unit = source.where, source.kind, source.words, unit or source.unit
+        else:
+            place, kind, stated = source, "check", ""
+        self.claims.append(
+            Claim(claim, plain(observed), counted, rtol, place, verdict, kind, stated, why, reason, unit)
+        )
         return verdict != "differs"
 
     def timing(
@@ -214,12 +301,13 @@ class Report(Recorder):
         at_least: float | None = None,
         at_most: float | None = None,
         source: str,
+        why: str = "",
     ) -> bool:
         """Record a claim on measured time: its value goes to the timings or the benchmark page only."""
-        holds = self.check(claim, ratio, at_least=at_least, at_most=at_most, source=source)
+        holds = self.check(claim, ratio, at_least=at_least, at_most=at_most, source=source, why=why)
         measured = self.claims.pop()
         page = "see benchmark" if self.benchmark else "see timings"
-        self.claims.append(Claim(claim, page, measured.expected, None, source, measured.verdict))
+        self.claims.append(Claim(claim, page, measured.expected, None, source, measured.verdict, why=why))
         digits = float(plain(ratio, digits=4))
         self.ratios.append(Ratio(claim, digits, str(measured.expected), source, measured.verdict))
         return holds
@@ -241,108 +329,3 @@ def plain(value: Any, digits: int = 6) -> Value:
     if isinstance(value, float):
         return float(f"{value:.{digits}g}") + 0.0 if math.isfinite(value) else str(value)  # + 0.0: -0 becomes 0
     return value if isinstance(value, bool | int | str) else str(value)
-
-
-@dataclass(frozen=True)
-class Ran:
-    """A test function that ran, fit to pass from one process to another: its place in the collection, its module's
-    folder, docstring and names in their order, its own docstring and its recorder."""
-
-    position: int
-    folder: Path
-    module: str | None
-    names: tuple[str, ...]
-    docstring: str | None
-    report: Report
-
-
-def section(runs: Sequence[Ran]) -> Section:
-    """What the runs of one test function (several if parametrised) recorded, in their order."""
-    reports = [run.report for run in runs]
-    title, text = _headed(runs[0].docstring, reports[0].test)
-    ended_by = next((report.ended_by for report in reports if report.ended_by), "")
-    claims = [claim for report in reports for claim in report.claims]
-    blocks = [block for report in reports for block in report.blocks]
-    return Section(reports[0].test, title, text, ended_by, claims, blocks)
-
-
-def merge(old: Study | None, runs: Sequence[Ran]) -> Study:
-    """The study of a module: its sections that ran, the old ones of its other functions, none of removed functions."""
-    name = runs[0].report.study
-    by_test: dict[str, list[Ran]] = {}
-    for run in runs:
-        by_test.setdefault(run.report.test, []).append(run)
-    known = {section.test: section for section in (old.sections if old else [])}
-    known |= {test: section(of_test) for test, of_test in by_test.items()}
-    return Study(name, *_headed(runs[0].module, name), [known[test] for test in runs[0].names if test in known])
-
-
-def marked(study: Study, crashed: Iterable[tuple[str, str]]) -> Study:
-    """The study with the sections of tests that ended their process marked so, whatever they held before."""
-    tests = {test for name, test in crashed if name == study.name}
-    sections = [
-        replace(section, ended_by="a crash of the process") if section.test in tests else section
-        for section in study.sections
-    ]
-    return replace(study, sections=sections)
-
-
-def _headed(docstring: str | None, name: str) -> tuple[str, str]:
-    """First line and rest of a docstring; without one, the name in words."""
-    title, _, text = cleandoc(docstring or name.removeprefix("test_").replace("_", " ").capitalize()).partition("\n")
-    return title.removesuffix("."), text.strip()
-
-
-def read(directory: Path) -> dict[str, Study]:
-    """The studies stored in `directory`/data, by name."""
-    stores = sorted((directory / "data").glob("*.json"))
-    return {path.stem: _read_study(path) for path in stores if path.stem not in RESERVED}
-
-
-def read_blocks(stored: Iterable[Mapping[str, Any]]) -> list[Text | Table | Drawing]:
-    """Blocks as a store holds them."""
-    kinds: dict[str, type[Text | Table | Drawing]] = {"text": Text, "table": Table, "figure": Drawing}
-    return [kinds[block["kind"]](**block) for block in stored]
-
-
-def _read_study(path: Path) -> Study:
-    try:
-        stored = json.loads(path.read_text("utf-8"))
-        for section in stored["sections"]:
-            section["claims"] = [Claim(**claim) for claim in section["claims"]]
-            section["blocks"] = read_blocks(section["blocks"])
-        return Study(**stored | {"sections": [Section(**section) for section in stored["sections"]]})
-    except (ValueError, KeyError, TypeError) as error:
-        raise ValueError(f"{path} is not a store of this report: delete it, or restore the committed one") from error
-
-
-def data_files(studies: Sequence[Study]) -> dict[str, str]:
-    """Stores and CSV files, text by path relative to the report."""
-    claims = [
-        [study.name, *(asdict(claim)[c] for c in CLAIM_COLUMNS[1:])] for study in studies for claim in study.claims
-    ]
-    files = {f"data/{study.name}.json": as_json(asdict(study)) for study in studies}
-    files |= {f"data/{table.file}.csv": as_csv(table.columns, table.rows) for table in _blocks(studies, Table)}
-    files["data/claims.csv"] = as_csv(CLAIM_COLUMNS, claims)
-    return files
-
-
-def drawings(studies: Iterable[Study]) -> set[str]:
-    """Paths, relative to the report, of the figures of the studies."""
-    return {f"figures/{drawing.file}.svg" for drawing in _blocks(studies, Drawing)}
-
-
-def _blocks(studies: Iterable[Study], kind: type[Block]) -> list[Block]:
-    return [b for study in studies for section in study.sections for b in section.blocks if isinstance(b, kind)]
-
-
-def as_json(stored: Any) -> str:
-    """Text of a store."""
-    return json.dumps(stored, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
-
-
-def as_csv(columns: Iterable[str], rows: Iterable[Iterable[Value | None]]) -> str:
-    """Text of a table."""
-    text = io.StringIO()
-    csv.writer(text, lineterminator="\n").writerows([columns, *rows])
-    return text.getvalue()

@@ -1,4 +1,5 @@
-"""What the report records that depends on the clock: ratios and seconds, kept apart from all that does not.
+"""What the report records that depends on the clock or the machine: seconds, ratios, the drift of locked numbers, and
+which run a section is of; kept apart from all that does not.
 
 Each test's part is in one of two places. What a plain run measures is in `timed/`, a folder that git passes over, and
 on the timings page; what `--benchmark` measures takes so long that it is kept with the code, with the machine, the
@@ -7,21 +8,24 @@ date and the commit it was measured on: in `benchmark/` and on the benchmark pag
 
 import json
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, Self
 
-from validation.harness.report import Drawing, Ratio, Report, Study, Table, Text, Value, as_csv, as_json, read_blocks
+from validation.harness.claims import Value
+from validation.harness.report import Block, Drawing, Locked, Ratio, Report, Table
+from validation.harness.store import Study, as_csv, as_json, read_blocks
 
 Place = Literal["timed", "benchmark"]
 PLACES: tuple[Place, ...] = ("timed", "benchmark")
 RATIO_COLUMNS = ("study", "test", "claim", "ratio", "expected", "source", "verdict")
+LOCK_COLUMNS = ("study", "test", "number", "locked", "this run", "drift", "tolerance", "within")
 
 
 @dataclass(frozen=True)
 class Timed:
-    """What one test function measured, where and `when` (date and commit), and what it took itself: seconds on the wall
-    and of CPU, with the fixtures that it was the first to ask for."""
+    """One test function's last run: where, `when` (date and commit) and by which command; what it measured; its locked
+    numbers; and the seconds it took, on the wall and of CPU, with the fixtures that it was the first to ask for."""
 
     study: str
     test: str
@@ -31,7 +35,9 @@ class Timed:
     wall: float
     cpu: float
     ratios: list[Ratio]
-    blocks: list[Text | Table | Drawing]
+    blocks: list[Block]
+    command: str = ""
+    locks: list[Locked] = field(default_factory=list)
 
     @property
     def shown(self) -> bool:
@@ -55,11 +61,15 @@ def read_timed(directory: Path) -> list[Timed]:
 
 
 def _parts_of(part: Mapping[str, Any]) -> dict[str, object]:
-    return {"ratios": [Ratio(**ratio) for ratio in part["ratios"]], "blocks": read_blocks(part["blocks"])}
+    return {
+        "ratios": [Ratio(**ratio) for ratio in part["ratios"]],
+        "blocks": read_blocks(part["blocks"]),
+        "locks": [Locked(**locked) for locked in part.get("locks", [])],
+    }
 
 
 def merge_timed(
-    old: Iterable[Timed], reports: Iterable[Report], studies: Iterable[Study], machine: str, when: str
+    old: Iterable[Timed], reports: Iterable[Report], studies: Iterable[Study], machine: str, when: str, command: str
 ) -> list[Timed]:
     """What the tests that ran measured, and the old of the other tests, in the order of the studies."""
     by_test: dict[tuple[str, str], list[Report]] = {}
@@ -77,6 +87,8 @@ def merge_timed(
             round(sum(case.cpu for case in cases), 3),
             [ratio for case in cases for ratio in case.ratios],
             [block for case in cases for block in case.timed.blocks],
+            command,
+            [locked for case in cases for locked in case.locks],
         )
         for (study, test), cases in by_test.items()
     }
@@ -94,7 +106,7 @@ def timed_files(timed: Sequence[Timed]) -> dict[str, str]:
         tables = [block for part in parts for block in part.blocks if isinstance(block, Table)]
         files |= {f"{place}/{table.file}.csv": as_csv(table.columns, table.rows) for table in tables}
         rows: list[list[Value | None]] = [
-            [part.study, part.test, ratio.claim, ratio.ratio, ratio.expected, ratio.source, ratio.verdict]
+            [part.study, part.test, ratio.claim, ratio.ratio, ratio.expected, ratio.source, ratio.word]
             for part in parts
             for ratio in part.ratios
         ]
@@ -102,12 +114,42 @@ def timed_files(timed: Sequence[Timed]) -> dict[str, str]:
         files[f"{place}/sections.json"] = as_json([asdict(part) for part in parts])
     if "timed/sections.json" in files:
         files["timed/.gitignore"] = "*\n"
+        locks: list[list[Value | None]] = [
+            [part.study, part.test, lock.name, lock.stored, lock.now, lock.drift, lock.rtol, lock.within]
+            for part in timed
+            for lock in part.locks
+        ]
+        files["timed/locks.csv"] = as_csv(LOCK_COLUMNS, locks)
     return files
 
 
 def timed_drawings(timed: Iterable[Timed]) -> set[str]:
     """Paths, relative to the report, of the figures."""
     return {f"{part.place}/{block.file}.svg" for part in timed for block in part.blocks if isinstance(block, Drawing)}
+
+
+@dataclass(frozen=True)
+class Regression:
+    """What became of the locked numbers: those `within` their tolerance and those `outside`, with study and test."""
+
+    within: list[tuple[Timed, Locked]]
+    outside: list[tuple[Timed, Locked]]
+
+    @classmethod
+    def of(cls, timed: Iterable[Timed], study: str = "") -> Self:
+        """Of all sections' last runs on this machine, or those of one study."""
+        locks = [(part, lock) for part in timed if study in ("", part.study) for lock in part.locks]
+        return cls([pair for pair in locks if pair[1].within], [pair for pair in locks if not pair[1].within])
+
+    @property
+    def count(self) -> int:
+        """Locked numbers in all."""
+        return len(self.within) + len(self.outside)
+
+    @property
+    def largest(self) -> float:
+        """Largest size of a drift."""
+        return max((abs(lock.drift) for _, lock in (*self.within, *self.outside)), default=0.0)
 
 
 def time_of_studies(timed: Iterable[Timed], studies: Iterable[Study]) -> list[Mapping[str, float | str]]:

@@ -1,0 +1,25 @@
+"""What the report is about, and its studies in their order: the table of contents of every page."""
+
+from validation.harness.contents import Contents
+
+CONTENTS = Contents(
+    title="Does the material point method change optimised designs?",
+    asked="Topology optimisation by the material point method (MPM) beside finite elements (FEM) on identical scenes, "
+    "every design judged by one fine reference that belongs to none of them.",
+    paper="Topology optimization with material point method: investigation into the design sensitivity and the effect "
+    "of shape functions",
+    details="authors, journal, year and DOI: not in our copy of it",
+    cite="The mpmtop developers: mpmtop, with the commit at the foot of this page (CITATION.cff)",
+    groups={
+        "Verification": ("verification", "sensitivity", "shape_functions", "locking", "errata"),
+        "The paper": (
+            *("removal", "cantilever", "l_bracket", "crossing_cantilever", "crossing_l_bracket", "hole"),
+            "multi_resolution",
+        ),
+        "Beyond the paper": ("crossing", "work_precision"),
+        "Cost": ("scale", "skipping", "peers"),
+        "Robustness": ("stability",),
+    },
+    topics=("Points as seeded", "Points have crossed cells", "What to do", "The paper"),
+    methods=("FEM", "MPM", "GIMP", "MPM, crossed", "GIMP, crossed", "B-spline, crossed"),
+)

@@ -1,0 +1,207 @@
+"""Stores of the report: one JSON file per study, `data/<study>.json`, and what is read from it.
+
+Every page and table is a function of the stores, so a run of part of the studies replaces the sections that ran and
+leaves the rest as they were. Stores, Markdown, CSV, SVG and PNG are the same on every run of one commit.
+"""
+
+import csv
+import io
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from inspect import cleandoc
+from pathlib import Path
+from typing import Any, TypeVar
+
+from validation.harness.claims import Claim, Reading, Value
+from validation.harness.report import RESERVED, Block, Drawing, Pixels, Report, Table, Text
+
+B = TypeVar("B")
+CLAIM_COLUMNS = (
+    *("study", "test", "kind", "source", "stated", "claim", "observed", "expected", "rtol", "verdict", "why", "reason"),
+)
+
+
+@dataclass(frozen=True)
+class Section:
+    """What one test function recorded; `ended_by` names the exception that ended it, "" if it passed; `path` is that of
+    its module from the root of the tests."""
+
+    test: str
+    title: str
+    text: str
+    ended_by: str
+    claims: list[Claim]
+    blocks: list[Block]
+    path: str = ""
+    found: list[str] = field(default_factory=list)
+    so: list[str] = field(default_factory=list)
+    front: dict[str, list[str]] = field(default_factory=dict)
+    opening: list[Block] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class Study:
+    """Sections in the order of the functions of `test_<name>.py`; title and introduction are its docstring, `asked` its
+    constant ASKED."""
+
+    name: str
+    title: str
+    introduction: str
+    sections: list[Section]
+    asked: str = ""
+
+    @property
+    def readings(self) -> list[Reading]:
+        """The claims of all sections, each with its place."""
+        return [Reading(claim, self.name, section.test) for section in self.sections for claim in section.claims]
+
+    @property
+    def claims(self) -> list[Claim]:
+        """The claims of all sections."""
+        return [claim for section in self.sections for claim in section.claims]
+
+    def told(self, what: str) -> list[str]:
+        """Sentences `found`, or the conclusions `so`, of all sections."""
+        return [sentence for section in self.sections for sentence in getattr(section, what)]
+
+    @property
+    def opening(self) -> list[Block]:
+        """What stands at the top of the page."""
+        return [block for section in self.sections for block in section.opening]
+
+
+@dataclass(frozen=True)
+class Ran:
+    """A test function that ran, fit to pass from one process to another: its place in the collection, its module's
+    folder, path, docstring, names in their order and question ASKED, its own docstring and its recorder."""
+
+    position: int
+    folder: Path
+    path: str
+    module: str | None
+    names: tuple[str, ...]
+    asked: str
+    docstring: str | None
+    report: Report
+
+
+def section(runs: Sequence[Ran]) -> Section:
+    """What the runs of one test function (several if parametrised) recorded, in their order."""
+    reports = [run.report for run in runs]
+    title, text = _headed(runs[0].docstring, reports[0].test)
+    front: dict[str, list[str]] = {}
+    for report in reports:
+        for topic, sentences in report.front.items():
+            front[topic] = front.get(topic, []) + sentences
+    return Section(
+        reports[0].test,
+        title,
+        text,
+        next((report.ended_by for report in reports if report.ended_by), ""),
+        [claim for report in reports for claim in report.claims],
+        [block for report in reports for block in report.blocks],
+        runs[0].path,
+        [sentence for report in reports for sentence in report.findings],
+        [sentence for report in reports for sentence in report.conclusions],
+        front,
+        [block for report in reports for block in report.opening.blocks],
+    )
+
+
+def merge(old: Study | None, runs: Sequence[Ran]) -> Study:
+    """The study of a module: its sections that ran, the old ones of its other functions, none of removed functions."""
+    name = runs[0].report.study
+    by_test: dict[str, list[Ran]] = {}
+    for run in runs:
+        by_test.setdefault(run.report.test, []).append(run)
+    known = {section.test: section for section in (old.sections if old else [])}
+    known |= {test: section(of_test) for test, of_test in by_test.items()}
+    sections = [known[test] for test in runs[0].names if test in known]
+    return Study(name, *_headed(runs[0].module, name), sections, cleandoc(runs[0].asked))
+
+
+def marked(study: Study, crashed: Iterable[tuple[str, str]]) -> Study:
+    """The study with the sections of tests that ended their process marked so, whatever they held before."""
+    tests = {test for name, test in crashed if name == study.name}
+    sections = [
+        replace(section, ended_by="a crash of the process") if section.test in tests else section
+        for section in study.sections
+    ]
+    return replace(study, sections=sections)
+
+
+def _headed(docstring: str | None, name: str) -> tuple[str, str]:
+    """First line and rest of a docstring; without one, the name in words."""
+    title, _, text = cleandoc(docstring or name.removeprefix("test_").replace("_", " ").capitalize()).partition("\n")
+    return title.removesuffix("."), text.strip()
+
+
+def read(directory: Path) -> dict[str, Study]:
+    """The studies stored in `directory`/data, by name."""
+    stores = sorted((directory / "data").glob("*.json"))
+    return {path.stem: _read_study(path) for path in stores if path.stem not in RESERVED}
+
+
+def read_blocks(stored: Iterable[Mapping[str, Any]]) -> list[Block]:
+    """Blocks as a store holds them."""
+    kinds: dict[str, type[Block]] = {"text": Text, "table": Table, "figure": Drawing, "design": Pixels}
+    return [kinds[block["kind"]](**block) for block in stored]
+
+
+def _read_study(path: Path) -> Study:
+    try:
+        stored = json.loads(path.read_text("utf-8"))
+        for section in stored["sections"]:
+            section["claims"] = [Claim(**claim) for claim in section["claims"]]
+            for blocks in ("blocks", "opening"):
+                section[blocks] = read_blocks(section.get(blocks, []))
+        return Study(**stored | {"sections": [Section(**section) for section in stored["sections"]]})
+    except (ValueError, KeyError, TypeError) as error:
+        raise ValueError(f"{path} is not a store of this report: delete it, or restore the committed one") from error
+
+
+def data_files(studies: Sequence[Study]) -> dict[str, str]:
+    """Stores and CSV files, text by path relative to the report."""
+    claims = [
+        [
+            *(study.name, section.test, claim.kind, claim.source, claim.stated, claim.claim, claim.observed),
+            *(claim.expected, claim.rtol, claim.word, claim.why, claim.reason),
+        ]
+        for study in studies
+        for section in study.sections
+        for claim in section.claims
+    ]
+    files = {f"data/{study.name}.json": as_json(asdict(study)) for study in studies}
+    files |= {f"data/{table.file}.csv": as_csv(table.columns, table.rows) for table in blocks_of(studies, Table)}
+    files["data/claims.csv"] = as_csv(CLAIM_COLUMNS, claims)
+    return files
+
+
+def drawings(studies: Iterable[Study]) -> set[str]:
+    """Paths, relative to the report, of the figures of the studies."""
+    figures = {f"figures/{drawing.file}.svg" for drawing in blocks_of(studies, Drawing)}
+    return figures | {f"figures/{design.file}.png" for design in blocks_of(studies, Pixels)}
+
+
+def blocks_of(studies: Iterable[Study], kind: type[B]) -> list[B]:
+    """All blocks of one kind."""
+    return [
+        block
+        for study in studies
+        for section in study.sections
+        for block in (*section.opening, *section.blocks)
+        if isinstance(block, kind)
+    ]
+
+
+def as_json(stored: Any) -> str:
+    """Text of a store."""
+    return json.dumps(stored, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def as_csv(columns: Iterable[str], rows: Iterable[Iterable[Value | None]]) -> str:
+    """Text of a table."""
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows([columns, *rows])
+    return text.getvalue()
