@@ -7,7 +7,6 @@ of shape functions". Words in quotation marks are the paper's own; ratios are gi
 from collections.abc import Iterable
 from typing import NamedTuple
 
-
 from validation.harness.claims import Statement
 from validation.harness.report import Report
 
@@ -27,9 +26,7 @@ IDENTICAL = Statement(
 EQUIVALENT = Statement(
     "Sect. 3.2, Fig. 4", "“a zero-density material point is equivalent to the absence of a material”", "identity"
 )
-CONSISTENT = Statement(
-    "Appendix", "crossing does “not impact the discrepancy between these sensitivities”", "identity"
-)
+CONSISTENT = Statement("Appendix", "crossing does “not impact the discrepancy between these sensitivities”", "identity")
 
 # Numbers printed as results.
 CANTILEVER_COMPLIANCE = Statement("Sect. 5.1.1, Fig. 9", "cantilever: objective 83.57", "calibrated", 83.57)
@@ -66,9 +63,7 @@ SENSITIVITY_COMPLIANCE_SHARE = Statement(
     "Appendix, Fig. 20a", "compliance: 99.15% of variables below 0.02%", "result", 0.9915, "%"
 )
 SENSITIVITY_P_NORM_ERROR = 0.3  # percent, Appendix
-SENSITIVITY_P_NORM_SHARE = Statement(
-    "Appendix, Fig. 20b", "p-norm: 98.97% of variables at 0.3%", "result", 0.9897, "%"
-)
+SENSITIVITY_P_NORM_SHARE = Statement("Appendix, Fig. 20b", "p-norm: 98.97% of variables at 0.3%", "result", 0.9897, "%")
 
 # Comparisons and directions.
 VOLUME_ACTIVE = Statement("Sect. 5.1.1", "“the volume constraint remained active”", "trend", 0.4)
@@ -82,7 +77,9 @@ MITIGATES = Statement("Sect. 2.2", "smoother functions, such as GIMP's, mitigate
 DISCONTINUOUS = Statement(
     "Sect. 2.2", "standard MPM: “discontinuity of the gradients of the shape” functions at cell boundaries", "trend"
 )
-OVERSHOOTS = Statement("Sect. 5.2.1, Fig. 12", "von Mises stress “shows periodic overshoots in the x direction”", "trend")
+OVERSHOOTS = Statement(
+    "Sect. 5.2.1, Fig. 12", "von Mises stress “shows periodic overshoots in the x direction”", "trend"
+)
 OVERSHOOTS_MITIGATED = Statement(
     "Sect. 5.2.1, Fig. 12", "“mitigated by using the smoother shape function provided by the GIMP method”", "trend"
 )

@@ -14,8 +14,8 @@ from PIL import Image
 from validation.harness.claims import PRINTED, Claim, Stand, stands
 from validation.harness.contents import Contents
 from validation.harness.report import Pixels
-from validation.harness.store import Study, blocks_of
 from validation.harness.show import number
+from validation.harness.store import Study, blocks_of
 
 REACH = 0.4
 """Deviation [1] at which the plot of the printed results ends; what lies further is drawn at its end, with a sign."""

@@ -13,12 +13,12 @@ from typing import Any
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined, select_autoescape
 
+from validation.harness import show
 from validation.harness.claims import KINDS, Tally, stands
 from validation.harness.contents import Contents
+from validation.harness.overview import Overview
 from validation.harness.report import Drawing, Pixels, Table
 from validation.harness.store import Study, blocks_of, data_files, drawings
-from validation.harness import show
-from validation.harness.overview import Overview
 from validation.harness.timed import PLACES, Place, Regression, Timed, time_of_studies, timed_drawings, timed_files
 
 _CLOCK_PAGES: dict[str, Place] = {"timings": "timed", "benchmark": "benchmark"}
@@ -126,7 +126,7 @@ def _facts(studies: Sequence[Study], measured: Measured, contents: Contents) -> 
         "ran": measured.ran,
         "labels_of": labels,
         "neighbours": lambda name: _neighbours(order, name),
-        "designs": lambda study: [block for block in blocks_of([study], Pixels)],
+        "designs": lambda study: blocks_of([study], Pixels),
         "timed": {place: [part for part in measured.now if part.place == place] for place in PLACES},
         "time_of_studies": time_of_studies(measured.now, studies),
         "titles": {study.name: study.title for study in studies},

@@ -290,8 +290,8 @@ def _summary(studies: Iterable[Study], reports: Iterable[Report], crashed: Itera
     failed = len({(report.study, report.test) for report in reports if report.ended_by}) + len(list(crashed))
     return [
         f"{len(readings)} claims of {len({study for study, _ in ran})} studies ran; statements of the paper: "
-        f"{paper['agrees']} agree, {paper['by reading']} by reading, {paper['differs']} differ, {paper['not stated']} not "
-        f"stated; our checks: {tally.checks['holds']} of {tally.required} hold; locked values: "
+        f"{paper['agrees']} agree, {paper['by reading']} by reading, {paper['differs']} differ, {paper['not stated']} "
+        f"not stated; our checks: {tally.checks['holds']} of {tally.required} hold; locked values: "
         f"{sum(lock.within for lock in locks)} of {len(locks)} within tolerance; sections that failed: {failed}",
     ]
 

@@ -19,6 +19,7 @@ from mpmtop.points import MaterialPoints, seed
 from mpmtop.problem import DesignProblem
 from mpmtop.quadtree import quadtree
 from mpmtop.scene import Array, Index, Rectangle, Scene
+from validation import paper
 from validation.bodies.scenes import SPACING, H, toy_cantilever
 from validation.harness.plugin import Lock
 from validation.harness.report import Report
@@ -81,21 +82,26 @@ def test_cases(report: Report, lock: Lock, layout: str) -> None:
     same = report.check(
         f"{layout}: case 2 over case 1, largest difference at a node [%]",
         float(table["case 2 over 1 [%]"].abs().max()),
-        at_most=1e-5,  # E_min / E0 = 1e-9 times a factor for the strain at the removed point
-        source="Fig. 4: identical",
+        at_most=1e-5,
+        source=paper.EQUIVALENT,
+        why="E_min / E0 = 1e-9 times a factor for the strain at the removed point",
     )
     close = report.check(
-        f"{layout}: case 3 over case 1, largest difference at a node [%]",
-        float(table["case 3 over 1 [%]"].abs().max()),
-        at_most=1.0,
-        source="Fig. 4: within 1.0 %",
+        f"{layout}: case 3 over case 1, largest difference at a node",
+        float(table["case 3 over 1 [%]"].abs().max()) / 100,
+        at_most=paper.REMOVAL_ERROR.value,
+        source=paper.REMOVAL_ERROR,
+        why="the paper's bound",
     )
     error = table["case 3 over 1 [%]"].abs()
     report.check(
         f"{layout}: case 3 over case 1, largest over smallest difference at a node",
         float(error.max() / error.min()),
-        at_most=2.0,  # our reading
-        source="Sect. 3.2: does not vary with the node",
+        at_most=2.0,
+        source=paper.REMOVAL_EVEN,
+        why="our reading, a strict one: by less than a factor of two",
+        reason="dividing the points changes where the stiffness of one cell is sampled, and nodes beyond it feel that "
+        f"more: from {error.min():.2g} to {error.max():.2g} %, all below the paper's 1.0 %",
     )
     figure, ax = plt.subplots()
     place = np.arange(len(table))
@@ -131,7 +137,8 @@ def test_residual_modulus(report: Report) -> None:
         "E_min = 0: largest relative difference of case 2 to case 1",
         max(rows[0.0].values()),
         at_most=1e-13,
-        source="Sect. 3.2: zero density is equivalent to absence",
+        source=paper.EQUIVALENT,
+        why="without E_min nothing but rounding is left",
     )
     proportional = report.check(
         "difference at E_min = 1e-3 E0 over that at 1e-6 E0",

@@ -147,7 +147,8 @@ def test_calibration(
         f"tip displacement of the solid, GIMP, {wave.crossing}: predicted",
         wave.rise["GIMP"],
         at_most=paper.CANTILEVER_CROSSING_TIP_GIMP.value,
-        source=paper.CANTILEVER_CROSSING_TIP_GIMP.where,
+        source=paper.CANTILEVER_CROSSING_TIP_GIMP,
+        why="the paper's bound",
     )
     met = report.check(
         "calibrated tip displacement, standard, furthest of any family with a whole number: distance from +13.8 %",
@@ -201,13 +202,15 @@ def test_stress_field(
             "largest overshoot of the von Mises stress in the top row, standard",
             rows["standard"][over],
             at_least=0.2,
-            source="our test of Fig. 12a: periodic overshoots",
+            source=paper.OVERSHOOTS,
+            why="our reading: a fifth is seen in a figure; without crossing it is a hundredth",
         ),
         report.check(
             "largest overshoot of the von Mises stress in the top row, GIMP over standard",
             rows["GIMP"][over] / rows["standard"][over],
             at_most=0.5,
-            source="our test of Fig. 12b: mitigated",
+            source=paper.OVERSHOOTS_MITIGATED,
+            why="our reading of mitigated: at most half is left",
         ),
     ]
     figure, axes = plt.subplots(3, 1, figsize=(5.4, 8.4))
@@ -276,21 +279,27 @@ def test_optimisation(
         report.check(
             "strut measure, standard with crossing over without",
             struts["standard"] / struts["standard, no crossing"],
-            at_least=1.02,  # more than another path of the optimiser makes: B-splines' uncrossed optimum, 0.5 %
-            source="our test of Fig. 13a: fictitious material along y",
+            at_least=1.02,
+            source=paper.STRUTS,
+            why="more than another path of the optimiser makes, 0.5 % by B-splines without crossing",
         ),
         report.check(
             "derivative of compliance along a random direction, gradient against differences, relative, with crossing",
             max(gradient_error(name, crossing) for name in NAMES),
-            at_most=1e-6,  # central differences: step squared, 1e-8, times third derivatives
-            source="Sect. 5.2.1: sensitivities stay consistent",
+            at_most=1e-6,
+            source=paper.CONSISTENT,
+            why="central differences: step squared, 1e-8, times third derivatives",
         ),
     ]
     report.check(
         "excess of the strut measure over that without crossing, GIMP over standard",
         (struts["GIMP"] - struts["standard, no crossing"]) / (struts["standard"] - struts["standard, no crossing"]),
-        at_most=0.5,  # our reading of "aligns": nearer to the design without crossing than to that of standard
-        source="Fig. 13b: aligns with the design without crossing",
+        at_most=0.5,
+        source=paper.GIMP_ALIGNS,
+        why="our reading of aligns: nearer to the design without crossing than to that of standard",
+        reason="columns that jump alone leave gaps which GIMP counts too: in the solid its tip rises by "
+        f"{calibrations[REPRODUCTION].rise['GIMP']:.1%}, under the wave, where neighbours move alike, by "
+        f"{calibrations['wave(n, 0.26)'].rise['GIMP']:.1%} (first table)",
     )
     draw_optimisation(report, shown, crossing)
     lock({f"optimised compliance, {name}": row["compliance"] for name, row in rows.items()}, rtol=RTOL_OPTIMUM)
@@ -383,33 +392,37 @@ def test_true_loss(
             f"optimum of standard over that of GIMP, own analyses, {crossing}",
             runs[REPRODUCTION, "standard"].final / runs[REPRODUCTION, "GIMP"].final,
             at_least=1.0,
-            source="Sect. 5.2.1: 90.99 and 86.5",
+            source=paper.STANDARD_HIGHER,
         ),
         report.check(
             f"optimum of standard over that of GIMP, fine reference, {crossing}",
             standard["compliance, fine reference"] / gimp["compliance, fine reference"],
             at_least=1.0,
-            source="Sect. 5.2.1: loss of optimality",
+            source=paper.STANDARD_HIGHER,
         ),
         report.check(
             f"apparent loss of GIMP, {crossing}",
             gimp["apparent loss"],
             at_most=0.05,
-            source="our bound; the paper: 3.5 %",
+            source="half of standard's",
+            unit="%",
         ),
     ]
     report.check(
-        f"true loss of optimality, standard, {crossing}", standard["fine reference"], source="Sect. 5.2.1: not computed"
+        f"true loss of optimality, standard, {crossing}",
+        standard["fine reference"],
+        source="for comparison: the paper judges no design by another analysis",
+        unit="%",
     )
     report.check(
-        f"true loss of optimality, GIMP, {crossing}", gimp["fine reference"], source="Sect. 5.2.1: not computed"
+        f"true loss of optimality, GIMP, {crossing}", gimp["fine reference"], source="for comparison", unit="%"
     )
     excess = {
         str(c): rows[str(c), "standard"]["fine reference"] - rows[str(c), "GIMP"]["fine reference"]
         for c, _ in calibrations.values()
     }
     for label, more in excess.items():
-        report.check(f"true loss of optimality, standard less GIMP, {label}", more, source="Sect. 5.2.1: not computed")
+        report.check(f"true loss of optimality, standard less GIMP, {label}", more, source="for comparison", unit="%")
     worse = [label for label, more in excess.items() if more < 0]
     report.text(
         "On the fine reference standard's design is the worse one, as by the own analyses"
@@ -433,44 +446,72 @@ def test_numbers_of_the_paper(
     """
     crossing, rise = calibrations[REPRODUCTION]
     final = {name: runs[REPRODUCTION, name].final for name in NAMES}
-    shift = f"crossing {crossing}"
-    scene = f"{shift}; radius and load of the scene"
+    shift = str(crossing)
+    compliance = f"{RTOL_COMPLIANCE:.0%}: crossing changes the optimum by a few per cent"
+    tenth = f"{RTOL_RISE:.0%} of it: a rise is what crossing makes"
+    spread = [runs[family, "standard"].final / still.final - 1 for family in calibrations]
+    depends = (
+        "the pattern is ours: calibrated on one number, the families raise the optimum of standard by "
+        f"{min(spread):.1%} to {max(spread):.1%}"
+    )
+    base = f"the optimum without crossing is {still.final / paper.CANTILEVER_COMPLIANCE.value - 1:+.1%} off already; "
     compare(
         report,
-        "section_5_2_1",
         (
             Compared(
-                "tip displacement of the solid, standard: rise",
+                "rise of the tip displacement of the solid, standard",
                 paper.CANTILEVER_CROSSING_TIP_STANDARD,
                 rise["standard"],
                 f"{shift}, chosen for it",
                 RTOL_RISE,
+                tenth,
             ),
             Compared(
-                "tip displacement of the solid, GIMP: rise",
+                "rise of the tip displacement of the solid, GIMP",
                 paper.CANTILEVER_CROSSING_TIP_GIMP,
                 rise["GIMP"],
-                f"{shift}: the gap that a single column leaves",
+                shift,
                 None,
+                "the paper's bound",
+                "a column that jumps alone leaves a gap and makes an overlap, and GIMP counts both; under the wave, "
+                f"where neighbours move alike, it rises by {calibrations['wave(n, 0.26)'].rise['GIMP']:.1%}",
             ),
             Compared(
-                "optimum, standard", paper.CANTILEVER_CROSSING_STANDARD, final["standard"], scene, RTOL_COMPLIANCE
+                "optimum, standard",
+                paper.CANTILEVER_CROSSING_STANDARD,
+                final["standard"],
+                shift,
+                RTOL_COMPLIANCE,
+                compliance,
+                base + depends,
             ),
-            Compared("optimum, GIMP", paper.CANTILEVER_CROSSING_GIMP, final["GIMP"], scene, RTOL_COMPLIANCE),
             Compared(
-                "optimum, standard: increase",
+                "optimum, GIMP",
+                paper.CANTILEVER_CROSSING_GIMP,
+                final["GIMP"],
+                shift,
+                RTOL_COMPLIANCE,
+                compliance,
+                base + f"its rise is {final['GIMP'] / still.final - 1:.1%}, the paper's own numbers give "
+                f"{paper.CANTILEVER_CROSSING_GIMP.value / paper.CANTILEVER_COMPLIANCE.value - 1:.1%}",
+            ),
+            Compared(
+                "rise of the optimum, standard",
                 paper.CANTILEVER_CROSSING_STANDARD_INCREASE,
                 final["standard"] / still.final - 1,
                 shift,
                 RTOL_RISE,
+                tenth,
+                depends,
             ),
             Compared(
-                "optimum, GIMP: increase",
+                "rise of the optimum, GIMP",
                 paper.CANTILEVER_CROSSING_GIMP_INCREASE,
                 final["GIMP"] / still.final - 1,
                 shift,
                 RTOL_RISE,
+                tenth,
+                depends,
             ),
         ),
-        f"Agreement: within {RTOL_COMPLIANCE:.0%}, for rises within {RTOL_RISE:.0%} of the paper's number.",
     )

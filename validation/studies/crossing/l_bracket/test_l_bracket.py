@@ -15,6 +15,7 @@ import pytest
 from joblib import Parallel, delayed
 from scipy.spatial import KDTree
 
+from mpmtop.material import von_mises
 from mpmtop.optimize import GCMMA
 from mpmtop.points import seed
 from mpmtop.scene import Array
@@ -36,7 +37,7 @@ from validation.methods.analyser import (
     Optimisation,
     material_points,
 )
-from validation.paper import Compared, Stated, compare
+from validation.paper import Compared, compare
 
 CROSSING = Periodic(4)
 """The cantilever study's calibration."""
@@ -124,7 +125,8 @@ def test_path(report: Report, lock: Lock, analysers: dict[str, Analyser]) -> Non
         "RMS difference to FEM on the horizontal line, GIMP over standard",
         rows["GIMP"][difference] / rows["standard"][difference],
         at_most=0.7,
-        source="our test of Fig. 14e: standard oscillates, GIMP follows FEM",
+        source=paper.STRESS_OSCILLATES,
+        why="our reading: GIMP's difference is clearly the smaller one",
     )
     figure, axes = plt.subplots(2, 1, figsize=(6.0, 6.4))
     shown = ("FEM", "standard", "GIMP", "quadratic B-spline")
@@ -202,31 +204,31 @@ def test_optimisation(
             "optimised p-norm by its own analysis, standard over GIMP",
             standard["p-norm"] / gimp["p-norm"],
             at_least=1.0,
-            source="Sect. 5.2.2: standard higher",
+            source=paper.STRESS_STANDARD_HIGHER,
         ),
         report.check(
             "iterations in which the p-norm rose, standard and GIMP",
             sum(int(np.sum(runs[name].rise > ROUNDING_RISE)) for name in ("standard", "GIMP")),
             0,
-            source="acceptance test of GCMMA; the paper: smooth convergence",
+            source="acceptance test of GCMMA; the paper speaks of smooth convergence",
         ),
     ]
     report.check(
         "p-norm on the fine reference, design of standard over that of GIMP",
         standard["p-norm, fine reference"] / gimp["p-norm, fine reference"],
-        source="Sect. 5.2.2: not computed; singular details, no verdict",
+        source="for comparison: the details are singular, so that the order of magnitude counts",
     )
     for measure in ("grayness", "boundary length [h]"):
         report.check(
             f"{measure.removesuffix(' [h]')}, standard over GIMP",
             standard[measure] / gimp[measure],
             at_least=1.0,
-            source="Sect. 5.2.2: standard less crisp",
+            source=paper.LESS_CRISP,
         )
     report.check(
         "p-norm on the fine reference, design of GIMP over that without crossing",
         gimp["p-norm, fine reference"] / still["p-norm, fine reference"],
-        source="Sect. 5.2.2: not computed",
+        source="for comparison",
     )
     draw_optimisation(report, runs, stress)
     lock({f"optimised p-norm, {name}": run.final for name, run in runs.items()}, rtol=RTOL_OPTIMUM)
@@ -267,26 +269,32 @@ def test_numbers_of_the_paper(report: Report, analysers: dict[str, Analyser], ru
     after = {name: float(relaxed(analysers[name], runs[name].design.rho).max()) for name in ("standard", "GIMP")}
     stated = {"standard": paper.L_BRACKET_CROSSING_STANDARD, "GIMP": paper.L_BRACKET_CROSSING_GIMP}
     scale = stated["GIMP"][0].value / before["GIMP"]
-    shift = f"crossing {CROSSING}"
+    shift = str(CROSSING)
     force = f"{shift}; force from 2.24 Pa"
-    reduction = {name: Stated(1 - end.value / start.value, start.where) for name, (start, end) in stated.items()}
+    plane = in_plane_share(analysers["standard"], runs["standard"].design.rho)
+    measure = (
+        "the paper does not say which von Mises stress: without sigma_zz it is "
+        f"{1 - plane:.0%} smaller at the largest of the final design and the reduction changes with it"
+    )
+    share = "5 % of it: the force is fitted to one stress, and peaks of a p-norm optimum are even to about that"
     compare(
         report,
-        "section_5_2_2",
         (
             Compared(
-                "p-norm of the solid, standard with crossing: excess over FEM",
+                "p-norm of the solid, standard: excess over FEM",
                 paper.L_BRACKET_CROSSING_P_NORM,
                 over_fem["standard"],
                 shift,
-                0.15,  # "approximately"
+                0.15,
+                "“approximately”: 15 % of it",
             ),
             Compared(
-                "p-norm of the solid, GIMP with crossing: size of the difference to FEM",
-                Stated(0.02, "Sect. 5.2.2: marginal, our reading"),
-                abs(over_fem["GIMP"]),
-                shift,
-                None,
+                "largest von Mises stress before, GIMP [Pa]",
+                stated["GIMP"][0],
+                scale * before["GIMP"],
+                "fixes the force",
+                1e-12,
+                "it is the number that the force is taken from",
             ),
             Compared(
                 "largest von Mises stress before, standard [Pa]",
@@ -294,39 +302,56 @@ def test_numbers_of_the_paper(report: Report, analysers: dict[str, Analyser], ru
                 scale * before["standard"],
                 force,
                 0.05,
+                share,
             ),
-            Compared(
-                "largest von Mises stress after, standard [Pa]",
-                stated["standard"][1],
-                scale * after["standard"],
-                force,
-                0.05,
-            ),
-            Compared(
-                "largest von Mises stress after, GIMP [Pa]", stated["GIMP"][1], scale * after["GIMP"], force, 0.05
-            ),
-            Compared(
-                "largest von Mises stress, standard: reduction",
-                reduction["standard"],
-                1 - after["standard"] / before["standard"],
-                "filter radius, relaxation",
-                0.1,
-            ),
-            Compared(
-                "largest von Mises stress, GIMP: reduction",
-                reduction["GIMP"],
-                1 - after["GIMP"] / before["GIMP"],
-                "filter radius, relaxation",
-                0.1,
-            ),
-            Compared(
-                "largest von Mises stress after, standard over GIMP",
-                Stated(stated["standard"][1].value / stated["GIMP"][1].value, stated["GIMP"][1].where),
-                after["standard"] / after["GIMP"],
-                shift,
-                0.05,
+            *(
+                Compared(
+                    f"largest von Mises stress after, {name} [Pa]",
+                    stated[name][1],
+                    scale * after[name],
+                    force,
+                    0.05,
+                    share,
+                    measure,
+                )
+                for name in ("standard", "GIMP")
             ),
         ),
-        "Before: the solid bracket. Agreement: stresses and their ratios within 5 % of the paper's number, reductions "
-        'within 10 % of it, "approximately 10 %" within 15 % of it.',
     )
+    report.check(
+        f"p-norm of the solid, GIMP: size of the difference to FEM; {shift}",
+        abs(over_fem["GIMP"]),
+        at_most=0.02,
+        source=paper.STRESS_GIMP_MARGINAL,
+        why="our reading of marginal: a fifth of standard's",
+    )
+    report.table(
+        "reductions",
+        pd.DataFrame.from_dict(
+            {
+                name: {
+                    "the paper's reduction": 1 - stated[name][1].value / stated[name][0].value,
+                    "ours": 1 - after[name] / before[name],
+                }
+                for name in ("standard", "GIMP")
+            },
+            orient="index",
+        ).rename_axis("method"),
+        "Reduction of the largest von Mises stress: follows from the stresses above, so it is no claim of its own.",
+        percent=("the paper's reduction", "ours"),
+    )
+
+
+def in_plane_share(analyser: Analyser, rho: Array) -> float:
+    """Largest relaxed von Mises stress of the components in the plane over that with sigma_zz, by the method itself.
+
+    In plane strain vm² = sx² + sy² - sx sy + 3 t² + sigma_zz (sigma_zz - sx - sy), with sigma_zz = nu (sx + sy).
+    """
+    material = analyser.scene.material
+    problem: Any = analyser.problem
+    evaluation = problem.analyse(rho)
+    stress = problem.model.stress(np.full(len(rho), material.young), evaluation.state.strain)
+    sx, sy, t = stress.T
+    q = analyser.scene.objective.q  # type: ignore[union-attr]
+    plane = rho**q * np.sqrt(sx**2 + sy**2 - sx * sy + 3 * t**2)
+    return float(plane.max() / (rho**q * von_mises(stress, material)).max())
