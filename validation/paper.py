@@ -132,5 +132,6 @@ class Compared(NamedTuple):
 def compare(report: Report, numbers: Iterable[Compared]) -> None:
     """A claim for each number."""
     for number, stated, ours, depends_on, rtol, why, reason in numbers:
-        bound = {"at_most": stated.value} if rtol is None else {"expected": stated.value, "rtol": rtol}
-        report.check(f"{number}; {depends_on}", ours, source=stated, why=why, reason=reason, **bound)
+        expected, at_most = (None, stated.value) if rtol is None else (stated.value, None)
+        claim = f"{number}; {depends_on}"
+        report.check(claim, ours, expected, rtol=rtol, at_most=at_most, source=stated, why=why, reason=reason)

@@ -10,7 +10,9 @@ import re
 import shutil
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import matplotlib as mpl
 import matplotlib.pyplot as plt
@@ -21,8 +23,11 @@ import pytest
 from markdown_it import MarkdownIt
 
 from validation.harness import plugin
-from validation.harness.pages import cell, replace, show
-from validation.harness.report import CLAIM_COLUMNS, Claim, Report
+from validation.harness.claims import Reading, Statement, Tally, stands
+from validation.harness.pages import replace
+from validation.harness.report import Locked, Report, raster
+from validation.harness.show import cell, number, per_cent, show
+from validation.harness.store import CLAIM_COLUMNS
 from validation.harness.timed import read_timed
 from validation.measures.drawing import STYLE, draw_design, draw_points
 
@@ -169,6 +174,11 @@ def committed(reports: Path) -> dict[str, bytes]:
     return {str(file.relative_to(reports)): file.read_bytes() for file in files}
 
 
+def is_text(file: str) -> bool:
+    """Whether a file of a report holds numbers as such, not as coordinates or pixels."""
+    return not file.endswith((".svg", ".png"))
+
+
 def claims(reports: Path) -> list[dict[str, str]]:
     return list(csv.DictReader((reports / "data" / "claims.csv").read_text().splitlines()))
 
@@ -189,67 +199,159 @@ def test_failing_tests_keep_their_claims(studied: tuple[Path, str]) -> None:
     folder, printed = studied
     rows = claims(folder / "reports")
     assert tuple(rows[0]) == CLAIM_COLUMNS
-    assert [tuple(row.values()) for row in rows] == [
-        ("crossing", "jump, tent | solid", "1.13", "1.138", "0.02", "Sect. 6.1", "agrees"),
-        ("crossing", "jump, GIMP | solid", "1.02", "1.138", "0.02", "Sect. 6.1", "differs"),
-        ("crossing", "not a number", "nan", "<= 1", "", "none", "differs"),
-        ("crossing", "speed-up", "see timings", ">= 2", "", "our choice", "agrees"),
-        ("other", "radius", "3.0", "", "", "our choice", "not stated"),
+    shown = ("study", "kind", "claim", "observed", "expected", "rtol", "verdict", "reason")
+    reason = "GIMP is smooth, see [the optimum](#test_optimum)"
+    assert [tuple(row[name] for name in shown) for row in rows] == [
+        ("crossing", "result", "jump, tent | solid", "0.137", "0.138", "0.02", "agrees", ""),
+        ("crossing", "result", "jump, GIMP | solid", "0.02", "0.138", "0.02", "differs", reason),
+        ("crossing", "check", "not a number", "nan", "<= 1", "", "fails", ""),
+        ("crossing", "check", "speed-up", "see timings", ">= 2", "", "holds", ""),
+        ("other", "check", "radius", "3.0", "", "", "reported", ""),
     ]
-    assert "5 of 5 claims run; paper: 1 agree, 1 differ, 0 not stated; our checks: 1 of 2 hold" in printed
+    assert {row["stated"] for row in rows if row["kind"] == "result"} == {"a jump of 13.8 %"}
+    assert "5 claims of 2 studies ran; statements of the paper: 0 agree, 1 by reading, 0 differ" in printed
+    assert "our checks: 1 of 2 hold; locked values: 1 of 1 within tolerance; sections that failed: 2" in printed
     assert f"report: {folder / 'reports' / 'index.html'}" in printed
     page = (folder / "reports" / "crossing.md").read_text()
     assert "`test_optimum` ended with RuntimeError" in page
-    assert r"| jump, GIMP \| solid | 1.138 ±" in page
+    assert r"| jump, GIMP \| solid. *Most likely reason:* GIMP is smooth" in page
     assert "test_skipped" not in page
 
 
 def tables(page: Path) -> list[list[list[str]]]:
-    """Text of the cells of each table of a page, row by row, without the links to sections."""
+    """Text of the cells of each table of a page, row by row, without what stands below it in the cell."""
     text = page.read_text()
     text = MarkdownIt(options_update={"html": False}).enable("table").render(text) if page.suffix == ".md" else text
     split = [
         [re.findall(r"<t[hd][ >].*?</t[hd]>", row, re.DOTALL) for row in table.split("</tr>")[:-1]]
         for table in re.findall(r"<table.*?</table>", text, re.DOTALL)
     ]
-    tags = re.compile(r'<a class="where".*?</a>|<[^>]*>')
+    tags = re.compile(r'<span class="(?:where|reason)".*?</span>|<[^>]*>')
     return [[[html.unescape(tags.sub("", cell)).strip() for cell in row] for row in rows] for rows in split]
 
 
 @pytest.mark.parametrize("suffix", ["md", "html"])
-def test_claims_of_the_paper_stand_apart_from_our_checks(studied: tuple[Path, str], suffix: str) -> None:
-    paper = ["Claim", "What the paper says", "What we get", "Verdict", "Source"]
-    ours = ["Check", "Required", "What we get", "Verdict", "Why / source"]
-    tent, gimp = "jump, tent | solid", "jump, GIMP | solid"
-    index, crossing = (studied[0] / "reports" / f"{name}.{suffix}" for name in ("index", "crossing"))
-    counts, *listed = tables(index)
-    assert counts == [
-        ["Study", "agrees", "differs", "not stated", "our checks"],
-        ["Crossing & <friends>", "1", "1", "0", "1 of 2"],
-        ["Another study", "0", "0", "0", "–"],  # its value is for comparison only
+def test_what_the_paper_says_stands_apart_from_our_checks(studied: tuple[Path, str], suffix: str) -> None:
+    paper = ["The paper’s words", "Our reading", "We get", "Deviation", "Verdict", "Counts as agreement"]
+    ours = ["Check", "We get", "Required", "Verdict", "Why"]
+    listed = tables(studied[0] / "reports" / f"claims.{suffix}")
+    assert [[word.replace("'", "’") for word in rows[0]] for rows in listed] == [paper, ours, ours]
+    readings, checks, other = ([row[-5:-1] for row in rows[1:]] for rows in listed)
+    assert [row[-3:] for row in readings] == [
+        ["13.7\u00a0%", "-0.72\u00a0%", "✓ agrees"],
+        ["2\u00a0%", "-86\u00a0%", "✗ differs"],
     ]
-    assert [(rows[0], [row[0] for row in rows[1:]]) for rows in listed] == [
-        (paper, [gimp]),  # the claims that differ
-        (ours, ["not a number"]),
-        (paper, [tent, gimp]),  # all claims
-        (ours, ["not a number", "speed-up"]),
-        (ours, ["radius"]),
-    ]
-    assert re.findall(r"(?:<caption>|^\*\*)(The paper|Our)", index.read_text(), re.MULTILINE) == [
-        "The paper" if rows[0] == paper else "Our" for rows in listed
-    ]
-    assert [rows[0] for rows in tables(crossing)[:2]] == [paper, ours]
-    for page in (index, crossing):
-        assert re.search(r"(?i)our checks: (<b>|\*\*)1(</b>|\*\*) of (<b>|\*\*)2(</b>|\*\*) hold", page.read_text())
+    assert [row[0] for row in checks] == ["not a number", "speed-up"]
+    assert [row[-1].split()[-1] for row in checks] == ["fails", "holds"]
+    assert other == [["radius", "3", "–", "○ reported"]]
+    crossing = studied[0] / "reports" / f"crossing.{suffix}"
+    assert [[word.replace("'", "’") for word in rows[0]] for rows in tables(crossing)[:2]] == [paper, ours]
 
 
-def test_a_source_in_the_paper_makes_a_claim_the_papers() -> None:
-    def of_paper(source: str) -> bool:
-        return Claim("claim", 1.0, 1.0, None, source, "agrees").of_paper
+@pytest.mark.parametrize("suffix", ["md", "html"])
+def test_the_answer_comes_first(studied: tuple[Path, str], suffix: str) -> None:
+    """What was asked, found and follows, before anything else; on the front page by topic, the printed results too."""
+    texts = {
+        name: html.unescape((studied[0] / "reports" / f"{name}.{suffix}").read_text()) for name in ("index", "crossing")
+    }
+    page = texts["crossing"]
+    order = [
+        "Does a column that",
+        "With tent the tip jumps by 13.7%.",
+        "Keep points as seeded.",
+        "scene",
+        "introduction",
+    ]
+    places = [page.index(words) for words in order]
+    assert places == sorted(places)
+    front = texts["index"]
+    for words in ("With tent the tip jumps by 13.7%.", "Keep points as seeded.", "a jump of 13.8 %", "by reading"):
+        assert words in front
+    assert "Of the 1 numbers that the paper prints as results: 0 met without fitting" in front
 
-    places = ("Sect. 6.1: stiffer", "Sects. 2 and 3", "Fig. 9", "Figs. 9, 10", "Eq. (7)", "Eqs. (7, 8)")
-    assert all(map(of_paper, (*places, "Appendix: identical", "Appendix, Eq. A.1", "Table 2")))
-    assert not any(map(of_paper, ("our bound", "Svanberg (2002), Sect. 5", "Section of ours", "Tables", "Figure", "")))
+
+def test_what_failed_and_drifted_is_on_the_front_page(studied: tuple[Path, str], pytester: pytest.Pytester) -> None:
+    front = (studied[0] / "reports" / "index.html").read_text()
+    assert "Sections that failed: <b>2</b>" in front
+    assert "<b>1</b> of <b>1</b> within their tolerance, largest drift 0" in front
+    shutil.copytree(studied[0], pytester.path, dirs_exist_ok=True)
+    (pytester.path / LOCKED).write_text(",kept\n0,1.25\n")
+    assert "locked values: 0 of 1 within tolerance" in rerun(pytester, "-k", "locked")
+    front = (pytester.path / "reports" / "index.html").read_text()
+    assert "Locked values: <b>0</b> of <b>1</b>" in front
+    row = next(row for rows in tables(pytester.path / "reports" / "index.html") for row in rows if "kept" in row[0])
+    assert row[1:] == ["1.25", "1", "-20\u00a0%", "10⁻¹⁰\u00a0%"]
+    assert "1.25" not in b"".join(committed(pytester.path / "reports").values()).decode(errors="ignore")
+
+
+def test_every_section_says_which_run_it_is_of(studied: tuple[Path, str], pytester: pytest.Pytester) -> None:
+    shutil.copytree(studied[0], pytester.path, dirs_exist_ok=True)
+    reports = pytester.path / "reports"
+    rerun(pytester, "-k", "jump")
+    page = (reports / "crossing.html").read_text()
+    notes = re.findall(r'<p class="of-run">(.*?)</p>', page)
+    assert [note.startswith("This run: ") for note in notes] == [True, False, False]
+    assert notes[1].startswith("Not run this time; from the run of ")
+    assert notes[0].endswith("Again: <code>pytest studies/crossing/test_crossing.py -k test_jump</code>")
+    shutil.rmtree(reports / "timed")
+    rerun(pytester, "-k", "jump")
+    assert "Not run on this machine: as kept with the code." in (reports / "crossing.html").read_text()
+
+
+def test_readings_of_one_sentence_count_once() -> None:
+    said = Statement("Sect. 6.1", "slower", "trend")
+    printed = Statement("Fig. 9", "83.57", "calibrated", 83.57)
+    misprint = Statement("Eq. (7)", "1 - d²", "erratum")
+    report = Report("study", "test", set())
+    report.check("one reading", 1.0, at_least=1.05, source=said)
+    report.check("another", 1.7, at_least=1.05, source=said)
+    report.check("only reported", 1.0, source=said)
+    report.check("fitted", 84.57, printed.value, rtol=0.03, source=printed)
+    report.check("printed", 0.125, 0.125, source=misprint)
+    report.check("ours", 1.0, at_most=2.0, source="our bound")
+    report.check("ours, too", 1.0, source="for comparison")
+    readings = [Reading(claim, "study", "test") for claim in report.claims]
+    assert [(len(stand.readings), stand.state) for stand in stands(readings)][:2] == [(3, "by reading"), (1, "agrees")]
+    tally = Tally.of(readings)
+    assert {kind: dict(states) for kind, states in tally.paper.items() if states} == {
+        "trend": {"by reading": 1},
+        "calibrated": {"agrees": 1},
+    }
+    assert (dict(tally.checks), dict(tally.errata)) == ({"holds": 1, "reported": 1}, {"holds": 1})
+    assert tally.headline().endswith("results: 0 met without fitting, 1 met by fitting, 0 not met.")
+
+
+def test_a_place_in_the_paper_needs_what_is_stated_there() -> None:
+    places = ("Sect. 6.1: stiffer", "Sects. 2 and 3", "Fig. 9", "Figs. 9, 10", "Eq. (7)", "Eqs. (7, 8)", "Table 2")
+    for place in (*places, "Appendix: identical", "Appendix, Eq. A.1"):
+        with pytest.raises(ValueError, match="give the Statement"):
+            Report("study", "test", set()).check("claim", 1.0, source=place)
+    for own in ("our bound", "Svanberg (2002), Sect. 5", "Section of ours", "Tables", "Figure", ""):
+        assert Report("study", "test", set()).check("claim", 1.0, source=own)
+
+
+@pytest.mark.parametrize(
+    ("stated", "now", "rtol", "drift", "within"),
+    [
+        (2.0, 2.1, 0.06, 0.05, True),
+        (-2.0, -2.2, 0.05, -0.1, False),
+        (0.0, 0.0, 0.0, 0.0, True),
+        (0.0, 1.0, 0.5, np.inf, False),
+    ],
+)
+def test_drift(stated: float, now: float, rtol: float, drift: float, within: bool) -> None:
+    lock = Locked("number", stated, now, rtol)
+    assert lock.drift == pytest.approx(drift)
+    assert lock.within == within
+
+
+def test_designs_are_one_pixel_for_each_smallest_point() -> None:
+    """Rows from the top; a coarse rectangle covers as many pixels as it is larger; nothing outside the body."""
+    x = np.array([(0.5, 0.5), (1.5, 0.5), (0.5, 1.5), (3.0, 1.0)])
+    half = np.array([(0.5, 0.5)] * 3 + [(1.0, 1.0)])
+    grey, opacity = np.moveaxis(raster(x, half, np.array([0.0, 1.0, 0.2, 0.6])), -1, 0)
+    assert grey.tolist() == [[204, 0, 102, 102], [255, 0, 102, 102]]
+    assert opacity.tolist() == [[255, 0, 255, 255], [255, 255, 255, 255]]
 
 
 def test_a_lock_misses_no_column(studied: tuple[Path, str]) -> None:
@@ -260,7 +362,7 @@ def test_measured_times_stay_out_of_what_is_committed(studied: tuple[Path, str])
     reports = studied[0] / "reports"
     assert ",2.5,>= 2," in (reports / "timed" / "ratios.csv").read_text()
     provenance = json.loads((reports / "data" / "provenance.json").read_text())
-    text = b"".join(content for file, content in committed(reports).items() if not file.endswith(".svg")).decode()
+    text = b"".join(content for file, content in committed(reports).items() if is_text(file)).decode()
     assert "2.5" not in text
     assert not [name for name in ("date", "machine", "python", "command") if provenance[name] in text]
     assert str(studied[0]) not in text
@@ -270,7 +372,7 @@ def test_measured_seconds_are_shown_with_their_machine(studied: tuple[Path, str]
     reports = studied[0] / "reports"
     assert (reports / "timed" / ".gitignore").read_text() == "*\n"  # of its own: no seconds reach a commit
     assert "8.125" in (reports / "timed" / "crossing_seconds.csv").read_text()
-    assert not [file for file, content in committed(reports).items() if b"8.125" in content]
+    assert not [file for file, content in committed(reports).items() if is_text(file) and b"8.125" in content]
     machine = json.loads((reports / "data" / "provenance.json").read_text())["machine"]
     assert "logical cores, BLAS threads: " in machine
     page, text = (html.unescape((reports / f"timings.{suffix}").read_text()) for suffix in ("html", "md"))
@@ -285,9 +387,9 @@ def test_benchmarks_run_only_when_asked_for(studied: tuple[Path, str], pytester:
     reports = pytester.path / "reports"
     shutil.copytree(studied[0], pytester.path, dirs_exist_ok=True)
     assert "2 skipped" in studied[1]  # the other one skips itself
-    assert "2 of 7 claims run" in rerun(pytester, "--benchmark", "-m", "benchmark")
+    assert "2 claims of 1 studies ran" in rerun(pytester, "--benchmark", "-m", "benchmark")
     measured = (reports / "benchmark.md").read_text()
-    assert "5 of 7 claims run" in rerun(pytester)  # and what it had recorded stays
+    assert "5 claims of 2 studies ran" in rerun(pytester)  # and what it had recorded stays
     assert "finest" in {row["claim"] for row in claims(reports)}
     assert (reports / "benchmark.md").read_text() == measured
     assert "finest ratio | – | 6.75" in measured
@@ -301,7 +403,7 @@ def test_benchmarks_run_only_when_asked_for(studied: tuple[Path, str], pytester:
 def test_times_of_another_version_are_left_out(studied: tuple[Path, str], pytester: pytest.Pytester) -> None:
     shutil.copytree(studied[0], pytester.path, dirs_exist_ok=True)
     (pytester.path / "reports" / "timed" / "sections.json").write_text('[{"study": "crossing", "machine": "old"}]')
-    assert "2 of 5 claims run" in rerun(pytester, "-k", "jump")
+    assert "2 claims of 1 studies ran" in rerun(pytester, "-k", "jump")
     assert "crossing.md" in (pytester.path / "reports" / "timings.md").read_text()
 
 
@@ -349,10 +451,10 @@ def test_quick_leaves_slow_tests_out(pytester: pytest.Pytester) -> None:
 
 def test_pages_need_nothing_but_themselves(studied: tuple[Path, str]) -> None:
     pages = list((studied[0] / "reports").glob("*.html"))
-    assert {page.stem for page in pages} == {"index", "timings", "benchmark", "crossing", "other"}
+    assert {page.stem for page in pages} == {"index", "claims", "timings", "benchmark", "crossing", "other"}
     for page in pages:
         text = page.read_text()
-        assert not re.search(r"<(script|iframe|object|embed)|@import|url\(", text)
+        assert not re.search(r"<(script [^>]*src|iframe|object|embed)|@import|url\(|fetch\(|XMLHttp", text)
         assert all(source.startswith("data:") for source in re.findall(r'(?:src|srcset)="([^"]*)"', text))
         assert re.findall(r'<link [^>]*href="([^"]*)"', text) == ["data:,"]
         assert "&lt;friends&gt;" in text
@@ -363,7 +465,7 @@ def test_a_second_run_writes_the_same_bytes(studied: tuple[Path, str], pytester:
     first = committed(studied[0] / "reports")
     assert {"index.md", "figures/crossing_design.svg", "data/crossing_wide.csv", "data/other.json"} < first.keys()
     shutil.copytree(studied[0], pytester.path, dirs_exist_ok=True)
-    assert "5 of 5 claims run" in rerun(pytester)
+    assert "5 claims of 2 studies ran" in rerun(pytester)
     assert committed(pytester.path / "reports") == first
 
 
@@ -371,15 +473,16 @@ def test_a_partial_run_keeps_what_it_did_not_run(studied: tuple[Path, str], pyte
     folder, reports = pytester.path, pytester.path / "reports"
     shutil.copytree(studied[0], folder, dirs_exist_ok=True)
     first = committed(reports)
-    assert "2 of 5 claims run" in rerun(pytester, "-k", "jump")
+    assert "2 claims of 1 studies ran" in rerun(pytester, "-k", "jump")
     assert committed(reports) == first
 
     without_optimum = re.sub(r"def test_optimum.*?(?=def test_locked)", "", CROSSING, flags=re.DOTALL)
     write_study(folder, "crossing", without_optimum)
     shutil.rmtree(folder / "studies" / "other")
     (reports / "figures" / "own.svg").write_text("not the report's")
-    assert "2 of 2 claims run" in rerun(pytester, "-k", "jump")
+    assert "2 claims of 1 studies ran" in rerun(pytester, "-k", "jump")
     gone = {"other.md", "data/other.json", "figures/crossing_design.svg", "data/crossing_wide.csv"}
+    gone |= {"figures/crossing_own.png", "figures/front_designs.svg"}
     assert committed(reports).keys() == first.keys() - gone | {"figures/own.svg"}
     assert not (reports / "other.html").exists()
     assert {row["claim"] for row in claims(reports)} == {"jump, tent | solid", "jump, GIMP | solid"}
@@ -470,9 +573,15 @@ def test_cells() -> None:
         "yes",
         "3",
         "3",
-        "1e-6",
-        "2.5e20",
+        "10⁻⁶",
+        "2.5·10²⁰",
         "x",
+    ]
+    assert [number(value) for value in (84.5735, 1204.0, 16200, 1234567.0, 0.01, 9.97171e-7, -0.0, np.inf)] == [
+        *("84.6", "1200", "16,200", "1.23·10⁶", "0.01", "9.97·10⁻⁷", "0", "∞"),
+    ]
+    assert [per_cent(0.0366), per_cent(-0.5, 2, sign=True), per_cent(0.138, sign=True)] == [
+        *("3.66\u00a0%", "-50\u00a0%", "+13.8\u00a0%"),
     ]
     assert cell("|u| over\n two lines") == r"\|u\| over two lines"
 
@@ -493,47 +602,91 @@ def test_points_are_drawn_small_and_without_seams() -> None:
         assert len(np.unique(inside, axis=0)) == 1
         draw_design(plt.figure().add_subplot(), x, half_length, np.random.default_rng(0).random(len(x)))
         report.figure("noise", plt.gcf(), "the least compressible design of the finest scene")
-    assert len(report.figures["study_noise"]) < 200_000  # what a page of several figures can carry
+    assert len(report.files["study_noise.svg"]) < 200_000  # what a page of several figures can carry
 
 
 MEASURE = """<!DOCTYPE html><title>not measured</title>
-<iframe style="width:390px;height:800px;border:0" srcdoc="{page}"></iframe>
+<iframe style="width:{width}px;height:800px;border:0" srcdoc="{page}"></iframe>
 <script>
 addEventListener("load", () => {{
   const page = document.querySelector("iframe").contentDocument, root = page.documentElement;
+  for (const fold of page.querySelectorAll("details")) fold.open = true;
   const drawn = [...page.images].map(i => i.naturalWidth && Math.min(i.clientWidth, i.clientHeight));
-  document.title = JSON.stringify({{shown: root.clientWidth, needed: root.scrollWidth, drawn: drawn}});
+  const cut = [...page.querySelectorAll(".scroll")].filter(t => t.scrollWidth > t.clientWidth + 1);
+  const bare = [...page.querySelectorAll("input, select")].filter(i => !i.labels.length).length;
+  const form = page.querySelector(".filters");
+  let filtered = null;
+  if (form) {{
+    form.elements.state.value = "differs";
+    form.dispatchEvent(new Event("input"));
+    filtered = [...page.querySelectorAll("tbody.stand")].filter(row => row.offsetParent).map(row => row.dataset.kind);
+    form.elements.text.value = "no such words";
+    form.dispatchEvent(new Event("input"));
+    filtered.push(form.querySelector("output").textContent);
+  }}
+  document.title = JSON.stringify({{shown: root.clientWidth, needed: root.scrollWidth, drawn: drawn,
+    cut: cut.map(table => table.getAttribute("aria-label")), bare: bare, filtered: filtered,
+    ground: getComputedStyle(page.body).backgroundColor}});
 }});
 </script>"""
 
 
-def test_pages_fit_a_phone_and_print(studied: tuple[Path, str], tmp_path: Path) -> None:
+@pytest.fixture(scope="module")
+def browse(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., str]:
+    """What a browser prints of a page, with options of its command line."""
     names = ("chromium", "chromium-browser", "google-chrome")
     browser = next((path for path in map(shutil.which, names) if path), None)
     if browser is None:
         pytest.skip(f"none of {', '.join(names)} is installed: the pages are not tried in a browser")
     flags = "--headless --no-sandbox --disable-gpu --disable-quic --no-first-run --disable-background-networking "
-    flags += f"--disable-component-update --disable-sync --user-data-dir={tmp_path / 'profile'}"
+    flags += "--disable-component-update --disable-sync --window-size=1400,900 "
+    flags += f"--user-data-dir={tmp_path_factory.mktemp('profile')}"
 
-    def browse(option: str, page: Path) -> str:
-        command = [browser, *flags.split(), option, page.as_uri()]
+    def browsed(page: Path, *options: str) -> str:
+        command = [browser, *flags.split(), *options, page.as_uri()]
         return subprocess.run(command, capture_output=True, text=True, timeout=60, check=True).stdout
 
-    for name, pictures in (("index", 0), ("crossing", 1)):
-        page = studied[0] / "reports" / f"{name}.html"
-        framed = tmp_path / f"{name}.html"
-        framed.write_text(MEASURE.format(page=html.escape(page.read_text())))
-        title = re.search(r"<title>(.*?)</title>", browse("--dump-dom", framed))
-        assert title is not None
-        found = json.loads(html.unescape(title[1]))
-        assert found["shown"] <= 390
-        assert found["needed"] == found["shown"], f"{name} scrolls sideways"
-        assert len(found["drawn"]) == pictures
-        assert all(size > 50 for size in found["drawn"])  # px; a picture that failed to load measures 0 or an icon's 16
-    browse(f"--print-to-pdf={tmp_path / 'page.pdf'}", page)
+    return browsed
+
+
+def measured(browse: Callable[..., str], page: Path, folder: Path, width: int, *options: str) -> dict[str, Any]:
+    """Of a page in a window of a width: widths shown and needed, sizes of pictures, tables that are cut, fields without
+    a label, kinds of the claims that differ after filtering by that, and what filtering by other words says."""
+    framed = folder / f"{page.stem}_{width}.html"
+    framed.write_text(MEASURE.format(page=html.escape(page.read_text()), width=width))
+    title = re.search(r"<title>(.*?)</title>", browse(framed, "--dump-dom", *options))
+    assert title is not None
+    found: dict[str, Any] = json.loads(html.unescape(title[1]))
+    return found
+
+
+@pytest.mark.parametrize(("name", "pictures"), [("index", 1), ("claims", 0), ("crossing", 2)])
+@pytest.mark.parametrize("width", [390, 1300])
+def test_pages_fit_phone_and_screen(
+    studied: tuple[Path, str], browse: Callable[..., str], tmp_path: Path, name: str, pictures: int, width: int
+) -> None:
+    found = measured(browse, studied[0] / "reports" / f"{name}.html", tmp_path, width)
+    assert found["shown"] <= width
+    assert found["needed"] == found["shown"], f"{name} scrolls sideways"
+    assert len(found["drawn"]) == pictures
+    assert all(size > 50 for size in found["drawn"])  # px; a picture that failed to load measures 0 or an icon's 16
+    assert not found["bare"]
+    if width == 1300:
+        assert not found["cut"]
+    assert found["filtered"] == (["result", "0 of 4"] if name == "claims" else None)
+
+
+def test_pages_print_and_turn_dark(studied: tuple[Path, str], browse: Callable[..., str], tmp_path: Path) -> None:
+    page = studied[0] / "reports" / "crossing.html"
+    browse(page, f"--print-to-pdf={tmp_path / 'page.pdf'}")
     pdf = (tmp_path / "page.pdf").read_bytes()
     assert pdf.startswith(b"%PDF")
     assert b"/Image" in pdf  # the figure's points
+    grounds = {
+        scheme: measured(browse, page, tmp_path, 1300, f"--blink-settings=preferredColorScheme={value}")["ground"]
+        for scheme, value in (("dark", 0), ("light", 1))
+    }
+    assert grounds == {"dark": "rgb(20, 24, 30)", "light": "rgb(255, 255, 255)"}
 
 
 CRASHING = '''

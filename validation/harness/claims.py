@@ -1,7 +1,7 @@
 """Claims: what a source states beside what a study observed, the verdict, and how many there are of which kind.
 
 What the paper says stands in `Statement`s, each with its place, its words and its kind; several readings of one
-sentence are claims under one statement and count once. Whatever else a study checks or reports is its own, kind "check".
+sentence are claims under one statement and count once. What else a study checks or reports is its own, kind "check".
 """
 
 import math

@@ -16,7 +16,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined, select_autoes
 from validation.harness import show
 from validation.harness.claims import KINDS, Tally, stands
 from validation.harness.contents import Contents
-from validation.harness.overview import Overview
+from validation.harness.overview import DESIGNS, Overview
 from validation.harness.report import Drawing, Pixels, Table
 from validation.harness.store import Study, blocks_of, data_files, drawings
 from validation.harness.timed import PLACES, Place, Regression, Timed, time_of_studies, timed_drawings, timed_files
@@ -51,15 +51,14 @@ def publish(
     """
     for path, drawn in figures.items():
         replace(directory / path, drawn)
-    overview = Overview(studies, contents)
-    figures = overview.drawn(directory)
-    files: dict[str, str | bytes] = {**data_files(studies), **timed_files(measured.now), **figures}
+    files: dict[str, str | bytes] = {**data_files(studies), **timed_files(measured.now)}
+    files |= Overview(studies, contents).drawn(directory)
     files |= pages(studies, measured, directory, provenance, contents)
     files["data/provenance.json"] = json.dumps(provenance, indent=1) + "\n"
     for path, text in files.items():
         replace(directory / path, text)
     former = {f"{study.name}.{suffix}" for study in before for suffix in ("md", "html")}
-    former |= data_files(before).keys() | drawings(before)
+    former |= data_files(before).keys() | drawings(before) | {DESIGNS}
     former |= timed_files(measured.before).keys() | timed_drawings(measured.before)
     for path in former - files.keys() - drawings(studies) - timed_drawings(measured.now):
         (directory / path).unlink(missing_ok=True)

@@ -272,7 +272,7 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
     now = merge_timed(timed, reports, studies, provenance["machine"], when, provenance["command"])
     measured = Measured(timed, now, {(report.study, report.test) for report in reports})
     run.summary = [f"report: {directory / 'index.html'}", *_summary(studies, reports, run.crashed)]
-    figures = {}
+    figures: dict[str, bytes] = {}
     for report in reports:
         figures |= {f"figures/{file}": drawn for file, drawn in (report.files | report.opening.files).items()}
         place = "benchmark" if report.benchmark else "timed"

@@ -118,4 +118,4 @@ def numeric(table: Table) -> list[bool]:
 
 def cell(text: str) -> str:
     """Text fit for a cell of a Markdown table."""
-    return " ".join(str(text).split()).replace("|", "\\|")
+    return re.sub(r"[ \n\t]+", " ", str(text)).strip().replace("|", "\\|")  # but for the space that does not break
