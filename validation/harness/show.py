@@ -36,7 +36,7 @@ def number(value: float, digits: int = 3) -> str:
         return {"inf": "∞", "-inf": "-∞"}.get(str(value), "not a number")
     if isinstance(value, int) and abs(value) < LARGE * 10:
         return f"{value:,}" if abs(value) >= 10000 else str(value)
-    mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
+    mantissa, exponent = f"{value + 0.0:.{digits - 1}e}".split("e")  # + 0.0: -0 becomes 0
     power = int(exponent)
     if value and not SMALL <= abs(value) < LARGE:
         mantissa = mantissa.rstrip("0").rstrip(".") if "." in mantissa else mantissa
