@@ -10,7 +10,7 @@ export OPENBLAS_NUM_THREADS ?= 1
 export OMP_NUM_THREADS ?= 1
 export MKL_NUM_THREADS ?= 1
 
-.PHONY: validate benchmark test lint lock clean
+.PHONY: validate benchmark test lowest lint lock clean
 
 validate: .venv/installed
 	$(BIN)/python -m pytest validation -n $(JOBS) --dist loadfile $(if $(filter-out 0,$(QUICK)),--quick)
@@ -21,6 +21,24 @@ benchmark: .venv/peers
 
 test: .venv/installed
 	$(BIN)/python -m pytest tests -n $(JOBS)
+
+# a short part of the tests with the lowest versions that pyproject.toml admits, on the lowest Python where it is there
+lowest: .lowest/installed
+	.lowest/bin/python -m pytest -n $(JOBS) -m "not slow" $(LOWEST_TESTS)
+
+LOWEST_PYTHON ?= $(shell command -v python3.11 || echo $(PYTHON))
+# what has failed with old versions: scikit-fem's use, files, pictures, the report, Dask; and a run of each solver
+LOWEST_TESTS ?= tests/methods tests/mpmtop/test_export.py tests/mpmtop/test_plot.py tests/reference_fem/test_hole.py \
+  tests/reference_fem/test_simp.py tests/harness tests/studies/test_scatter.py
+
+.lowest/installed: pyproject.toml .ci/lowest.py
+	$(LOWEST_PYTHON) -m venv .lowest || $(LOWEST_PYTHON) -m venv --without-pip .lowest
+	$(LOWEST_PYTHON) .ci/lowest.py >.lowest/constraints.txt
+	if command -v uv >/dev/null; then \
+	  uv pip install --python .lowest/bin/python -c .lowest/constraints.txt -e '.[test]'; \
+	else $(LOWEST_PYTHON) -m pip --python .lowest/bin/python install -q --disable-pip-version-check \
+	  -c .lowest/constraints.txt -e '.[test]'; fi
+	touch $@
 
 lint: .venv/installed
 	$(BIN)/ruff check . && $(BIN)/ruff format --check . && $(BIN)/mypy
@@ -46,4 +64,4 @@ lock:
 	  --custom-compile-command "make lock" pyproject.toml -o requirements.lock
 
 clean:
-	rm -rf .venv build *.egg-info .pytest_cache .mypy_cache .ruff_cache
+	rm -rf .venv .lowest build *.egg-info .pytest_cache .mypy_cache .ruff_cache

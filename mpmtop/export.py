@@ -1,48 +1,153 @@
-"""Export to VTU through meshio, for ParaView and its like; the only module that knows meshio."""
+"""Export to VTU through meshio, for ParaView and its like, and back; the only module that knows meshio."""
 
 import os
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
+from typing import Any, NamedTuple, Protocol, TypeVar
+from xml.etree import ElementTree
 
 import meshio
 import numpy as np
 
+from mpmtop.at_points import fields_at_points as fields_at_points  # known to `fields` from here on
 from mpmtop.equilibrium import Equilibrium, Model
-from mpmtop.scene import Array
+from mpmtop.fields import fields, von_mises, von_mises_in_plane
+from mpmtop.points import MaterialPoints
+from mpmtop.region import Array
+
+VTK_ORDER = [0, 1, 3, 2]  # xx, yy, zz, xy of (xx, yy, xy, zz); yz and xz, which follow, are zero in a plane
 
 
-def write_points(path: Path, model: Model, state: Equilibrium, rho: Array) -> None:
-    """Material points as vertices: density rho (p,), stress (xx, yy, xy), displacement, half-length and volume."""
-    points = model.points
+class PointDesign(NamedTuple):
+    """Densities rho (p,) of material points, or of elements as points at their centres."""
+
+    points: MaterialPoints
+    rho: Array
+
+
+class Step(Protocol):
+    """What a series takes of an iterate."""
+
+    @property
+    def iteration(self) -> int: ...  # noqa: D102
+
+    @property
+    def evaluation(self) -> Any: ...  # noqa: D102
+
+
+Passed = TypeVar("Passed", bound=Step)
+
+
+def write_points(path: Path | str, model: Any, state: Any, rho: Array) -> None:
+    """A design of either solver: each material point as the rectangle it stands for, or each element.
+
+    Of each cell: `density`, `displacement`, `stress` and `strain` as symmetric tensors (xx, yy, zz, xy, yz, xz), the
+    strain with half the engineering shear; `sigma_zz`; `von_mises`, with sigma_zz, and `von_mises_in_plane`, without;
+    `position`, `half_length` and `volume`. Stresses are those of the penalised material. Corners have a `displacement`,
+    for "warp by vector". Raises ValueError, which names the field, if a number is not finite, and writes nothing.
+    """
+    at = fields(model, state, rho)
+    where = at.layout
+    count = len(where.x)
     _write(
-        path,
+        Path(path),
         meshio.Mesh(
-            _in_space(points.x),
-            [("vertex", np.arange(len(points.x))[:, None])],
-            point_data={
-                "rho": rho,
-                "stress": model.stress(state.moduli, state.strain),
-                "displacement": _in_space(model.transfer.interpolate(state.u)),
-                "half_length": _in_space(points.half_length),
-                "volume": points.volume,
+            _in_space(where.corners.reshape(-1, 2)),
+            [("quad", np.arange(4 * count).reshape(count, 4))],
+            point_data={"displacement": _in_space(at.corner_displacement.reshape(-1, 2))},
+            cell_data={
+                name: [values]
+                for name, values in {
+                    "density": at.density,
+                    "displacement": _in_space(at.displacement),
+                    "stress": _symmetric(at.stress),
+                    "strain": _symmetric(at.strain),
+                    "sigma_zz": at.stress[:, 3],
+                    "von_mises": von_mises(at.stress),
+                    "von_mises_in_plane": von_mises_in_plane(at.stress),
+                    "position": _in_space(where.x),
+                    "half_length": _in_space(where.half_length),
+                    "volume": where.volume,
+                }.items()
             },
         ),
     )
 
 
-def write_grid(path: Path, model: Model, state: Equilibrium) -> None:
-    """The background grid's cells, all of them, with the displacement of the active nodes (zero elsewhere)."""
+def write_nodes(path: Path | str, model: Any, state: Any, rho: Array) -> None:
+    """The nodes of either solver as vertices: `displacement`, `load`, and `reaction`, a ghost penalty's part included.
+
+    The reactions' sum is minus the loads'. Raises as `write_points`.
+    """
+    at = fields(model, state, rho)
+    data = {"displacement": at.nodal_displacement, "load": at.layout.load, "reaction": at.reaction}
+    vertices = [("vertex", np.arange(len(at.layout.nodes))[:, None])]
+    in_space = {name: _in_space(values) for name, values in data.items()}
+    _write(Path(path), meshio.Mesh(_in_space(at.layout.nodes), vertices, point_data=in_space))
+
+
+def write_grid(path: Path | str, model: Model, state: Equilibrium) -> None:
+    """The background grid's cells, all of them, with `displacement`, `load` and `reaction` of the active nodes."""
     grid = model.grid
     ny = grid.nodes[1]
     i, j = (a.ravel() for a in np.meshgrid(*map(np.arange, grid.cells), indexing="ij"))
     corner = i * ny + j
     cells = np.stack([corner, corner + ny, corner + ny + 1, corner + 1], axis=1)
-    position = grid.node_positions()
-    displacement = np.zeros_like(position)
-    displacement[model.transfer.nodes] = state.u.reshape(-1, 2)
-    active = np.zeros(len(position))
+    at = fields(model, state, np.zeros(len(model.points.volume)))
+    data = {"displacement": at.nodal_displacement, "load": at.layout.load, "reaction": at.reaction}
+    nodal = {name: np.zeros((len(grid.node_positions()), 3)) for name in data}
+    for name, values in data.items():
+        nodal[name][model.transfer.nodes, :2] = values
+    active = np.zeros(len(grid.node_positions()))
     active[model.transfer.nodes] = 1
-    data = {"displacement": _in_space(displacement), "active": active}
-    _write(path, meshio.Mesh(_in_space(position), [("quad", cells)], point_data=data))
+    mesh = meshio.Mesh(_in_space(grid.node_positions()), [("quad", cells)], point_data=nodal | {"active": active})
+    _write(Path(path), mesh)
+
+
+def read_points(path: Path | str) -> PointDesign:
+    """Points and densities of a file of `write_points`, bit by bit; elements come as points at their centres.
+
+    Raises ValueError for a file without them.
+    """
+    file = meshio.read(path, file_format="vtu")
+    wanted = ("position", "half_length", "volume", "density")
+    missing = [name for name in wanted if name not in file.cell_data]
+    if missing:
+        raise ValueError(f"{path}: no cell data {', '.join(missing)}; give a file that `write_points` wrote")
+    x, half_length, volume, rho = (np.concatenate(file.cell_data[name]) for name in wanted)
+    return PointDesign(MaterialPoints(x[:, :2].copy(), volume, half_length[:, :2].copy()), rho)
+
+
+def series(path: Path | str, model: Any, iterates: Iterable[Passed]) -> Iterator[Passed]:
+    """Pass iterates on and write each as `<name>/<iteration>.vtu` beside the `.pvd` at `path`, which lists them.
+
+    Each file, the list too, is replaced as a whole: ParaView can open the series while it grows. A resumed run goes on
+    with the list, from its own first iteration. For either solver:
+
+        for iterate in series("run.pvd", problem.model, optimize(problem, GCMMA())): ...
+    """
+    path = Path(path)
+    entries: dict[int, str] | None = None
+    for iterate in iterates:
+        if entries is None:
+            entries = {k: file for k, file in _listed(path).items() if k < iterate.iteration}
+        file = Path(path.stem) / f"{iterate.iteration:05d}.vtu"
+        write_points(path.parent / file, model, iterate.evaluation.state, iterate.evaluation.rho)
+        entries[iterate.iteration] = file.as_posix()
+        root = ElementTree.Element("VTKFile", type="Collection", version="0.1")
+        collection = ElementTree.SubElement(root, "Collection")
+        for k, listed in entries.items():
+            ElementTree.SubElement(collection, "DataSet", timestep=str(k), part="0", file=listed)
+        _replace(path, ElementTree.ElementTree(root).write)
+        yield iterate
+
+
+def _listed(path: Path) -> dict[int, str]:
+    """Files of a series by iteration; none if there is no series yet."""
+    if not path.exists():
+        return {}
+    sets = ElementTree.parse(path).getroot().iter("DataSet")
+    return {int(entry.attrib["timestep"]): entry.attrib["file"] for entry in sets}
 
 
 def _in_space(plane: Array) -> Array:
@@ -50,13 +155,29 @@ def _in_space(plane: Array) -> Array:
     return np.pad(plane, ((0, 0), (0, 1)))
 
 
+def _symmetric(tensor: Array) -> Array:
+    """(n, 6) in VTK's order, of (xx, yy, xy, zz) (n, 4)."""
+    return np.pad(tensor[:, VTK_ORDER], ((0, 0), (0, 2)))
+
+
 def _write(path: Path, mesh: meshio.Mesh) -> None:
+    data = mesh.point_data | {name: parts[0] for name, parts in mesh.cell_data.items()}
+    for name, values in ({"coordinates": mesh.points} | data).items():
+        finite = np.isfinite(values).reshape(len(values), -1).all(axis=1)
+        if not finite.all():
+            raise ValueError(
+                f"{name} is not finite at {np.count_nonzero(~finite)} of {len(finite)} places, the first is number "
+                f"{np.argmin(finite)}: {path.name} is not written; check the densities and the analysis"
+            )
+    _replace(path, lambda partial: mesh.write(partial, file_format="vtu"))
+
+
+def _replace(path: Path, write: Callable[[Path], None]) -> None:
     """Written beside the target and renamed, so that a reader never meets half a file."""
-    path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     partial = path.with_name(path.name + ".partial")
     try:
-        mesh.write(partial, file_format="vtu")
+        write(partial)
         os.replace(partial, path)
     finally:
         partial.unlink(missing_ok=True)

@@ -79,6 +79,19 @@ class FemModel:
     factorise: Factorise
 
 
+@dataclass(frozen=True, eq=False)
+class State:
+    """Displacements u (N,) in equilibrium under element moduli (e,), and K^-1 by the factorisation that gave them.
+
+    `solve` is ready for an adjoint; it is a hundred times as large as the rest, so a history should keep what it needs
+    of a state rather than the state.
+    """
+
+    moduli: Array
+    u: Array
+    solve: Solve
+
+
 def discretise(
     scene: Scene, size: float | tuple[float, float] | None = None, order: int = 1, *, mesh: MeshQuad | None = None
 ) -> FemModel:

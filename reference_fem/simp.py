@@ -10,9 +10,9 @@ from scipy.spatial import cKDTree
 from skfem import MeshQuad
 
 from mpmtop.scene import Array, InvalidScene, LoadOutsideBody, Mask, PointLoad, Scene, physical_densities
+from reference_fem import at_elements as at_elements  # which says to `mpmtop.fields` what a FemModel looks like
 from reference_fem.design import DesignSpace, design_space
-from reference_fem.elasticity import FemModel, discretise, inverse_stiffness, unit_work
-from reference_fem.factorise import Solve
+from reference_fem.elasticity import FemModel, State, discretise, inverse_stiffness, unit_work
 from reference_fem.mesh import GEOMETRY_TOLERANCE, shortest_side
 from reference_fem.objectives import STRESS_POSITIONS, Objective, StressPosition, objective
 
@@ -21,17 +21,17 @@ VOLUME_ROUNDING = 1e-12  # of the volume: sums of areas
 
 @dataclass(frozen=True, eq=False)
 class Evaluation:
-    """One analysed design: densities rho (e,), displacements u (N,), objective, constraints g (1,) <= 0.
+    """One analysed design: objective, constraints g (1,) <= 0, densities rho (e,) and the state."""
 
-    `inverse` is K^-1 by the factorisation that gave u, ready for an adjoint; it is a hundred times as large as the
-    rest, so a history should keep what it needs of an evaluation rather than the evaluation.
-    """
-
-    rho: Array
-    u: Array
     objective: float
     constraints: Array
-    inverse: Solve
+    rho: Array
+    state: State
+
+    @property
+    def u(self) -> Array:
+        """Displacements (N,)."""
+        return self.state.u
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,10 +129,11 @@ class DesignProblem:
     def analyse(self, rho: Array) -> Evaluation:
         """Objective and constraint of physical densities rho (e,) in [0, 1], of any origin, passive ones included."""
         rho = physical_densities(rho, len(self.model.area), "element")
-        inverse = inverse_stiffness(self.model, simp(rho, self.scene)[0])
+        moduli = simp(rho, self.scene)[0]
+        inverse = inverse_stiffness(self.model, moduli)
         u = inverse(self.model.f_ext)
         volume = self.model.area @ rho / self._volume_bound
-        return Evaluation(rho, u, self.objective.value(rho, u), np.array([volume - 1]), inverse)
+        return Evaluation(self.objective.value(rho, u), np.array([volume - 1]), rho, State(moduli, u, inverse))
 
     def gradient(self, evaluation: Evaluation) -> tuple[Array, Array]:
         """Derivatives by the design: df0 = H^T dJ/drho (a,) and dg (1, a); no further factorisation."""
@@ -142,7 +143,7 @@ class DesignProblem:
     def density_gradient(self, evaluation: Evaluation) -> Array:
         """dJ/drho (e,) by the physical densities: explicit part - dE/drho lambda_e . k_e u_e; one solve for stress."""
         rho, u = evaluation.rho, evaluation.u
-        by_rho, adjoint = self.objective.gradient(rho, u, evaluation.inverse)
+        by_rho, adjoint = self.objective.gradient(rho, u, evaluation.state.solve)
         return by_rho - simp(rho, self.scene)[1] * unit_work(self.model, adjoint, u)
 
 

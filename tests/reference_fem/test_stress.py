@@ -202,7 +202,7 @@ def test_gradient_identities(stress_at: StressPosition, plane: Plane, p: float) 
     """J is of degree one in u and q in rho: u . dJ/du = f . lambda = J, rho . dJ/drho = q J at fixed u."""
     problem = problems(stress_at, plane, p=p)
     at = problem.analyse(densities(128))
-    by_rho, adjoint = problem.objective.gradient(at.rho, at.u, at.inverse)
+    by_rho, adjoint = problem.objective.gradient(at.rho, at.u, at.state.solve)
     assert problem.model.f_ext @ adjoint == pytest.approx(at.objective, rel=1e-11)  # rounding times condition number
     assert at.rho @ by_rho == pytest.approx(0.5 * at.objective, rel=1e-13)
 
@@ -259,11 +259,11 @@ def test_unstressed_elements_do_no_harm(stress_at: StressPosition) -> None:
     problem = design_problem(stressed(), 0.5, stress_at=stress_at)
     at = problem.evaluate(densities(128))
     u = np.where(problem.model.basis.doflocs[0] < 4, at.u, 0)
-    by_rho, adjoint = problem.objective.gradient(at.rho, u, at.inverse)
+    by_rho, adjoint = problem.objective.gradient(at.rho, u, at.state.solve)
     still = problem.model.centres[:, 0] > 4
     assert np.all(by_rho[still] == 0) and np.all(by_rho[~still] > 0) and np.all(np.isfinite(adjoint))
     assert problem.objective.value(at.rho, 0 * u) == 0
-    for part in problem.objective.gradient(at.rho, 0 * u, at.inverse):
+    for part in problem.objective.gradient(at.rho, 0 * u, at.state.solve):
         assert np.all(part == 0)
 
 

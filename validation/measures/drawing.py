@@ -2,11 +2,13 @@
 
 from typing import Any
 
-import numpy as np
 from cycler import cycler
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
+from matplotlib.image import AxesImage
 
+from mpmtop import plot
+from mpmtop.fields import rectangles
 from mpmtop.scene import Array
 
 # Okabe and Ito's colours but for yellow, too faint on white; line styles tell them apart where they print grey.
@@ -40,52 +42,24 @@ def draw_points(
     half_length: Array,
     values: Array,
     *,
-    cmap: str = "cividis",
+    cmap: str = plot.MAP,
     vmin: float | None = None,
     vmax: float | None = None,
     label: str = "",
-) -> PolyCollection:
+    outlined: bool = False,
+) -> AxesImage | PolyCollection:
     """Draw every material point as the rectangle x +- half_length it stands for, coloured by its value.
 
     Positions x (p, 2) and half-lengths (p, 2) or (2,) are in units of h, values (p,) in those `label` states. Returns
-    the mappable, for `figure.colorbar(mappable, ax=ax, label=mappable.get_label())`. The rectangles are pixels inside
-    the SVG: that keeps it small, and neighbours meet without the pale seams of a vector drawing.
+    the mappable, for `figure.colorbar(mappable, ax=ax, label=label)`.
     """
-    drawn = PolyCollection(
-        _rectangles(x, half_length),
-        array=values,
-        cmap=cmap,
-        linewidth=0,
-        edgecolor="none",
-        antialiased=False,
-        rasterized=True,
-        label=label,
-    )
-    drawn.set_clim(vmin, vmax)
-    ax.add_collection(drawn)
-    _frame(ax, x, half_length)
+    corners = rectangles(x, half_length)
+    drawn = plot.cells(ax, corners, values, cmap=cmap, limits=(vmin, vmax), outlined=outlined)
+    plot.frame(ax, corners).set(xlabel="x / h", ylabel="y / h")
+    drawn.set_label(label)
     return drawn
 
 
-def draw_design(ax: Axes, x: Array, half_length: Array, rho: Array) -> PolyCollection:
+def draw_design(ax: Axes, x: Array, half_length: Array, rho: Array) -> AxesImage | PolyCollection:
     """Draw physical densities rho (p,), 0 white and 1 black, and the outline of the body; the rest as `draw_points`."""
-    # Stroked rectangles below the filled ones: what stays visible is the edge of their union, holes included.
-    outline = PolyCollection(
-        _rectangles(x, half_length), facecolor="none", edgecolor="#0072b2", linewidth=2.4, rasterized=True, zorder=0.5
-    )
-    ax.add_collection(outline)
-    return draw_points(ax, x, half_length, rho, cmap="gray_r", vmin=0.0, vmax=1.0, label="density")
-
-
-def _rectangles(x: Array, half_length: Array) -> list[Array]:
-    """Corners of the points' domains, p times (4, 2)."""
-    corners = np.array([(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)])
-    return list(x[:, None, :] + np.broadcast_to(half_length, x.shape)[:, None, :] * corners)
-
-
-def _frame(ax: Axes, x: Array, half_length: Array) -> None:
-    """Equal axes in units of h around the body."""
-    lower, upper = np.min(x - half_length, axis=0), np.max(x + half_length, axis=0)
-    margin = 0.02 * np.max(upper - lower)
-    ax.set(xlim=(lower[0] - margin, upper[0] + margin), ylim=(lower[1] - margin, upper[1] + margin))
-    ax.set(aspect="equal", xlabel="x / h", ylabel="y / h")
+    return draw_points(ax, x, half_length, rho, cmap=plot.DENSITY, vmin=0.0, vmax=1.0, label="density", outlined=True)
