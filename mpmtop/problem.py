@@ -14,6 +14,7 @@ from mpmtop.material import simp
 from mpmtop.objectives import Objective, objective
 from mpmtop.points import MaterialPoints
 from mpmtop.scene import Array, InvalidScene, LoadOutsideBody, PointLoad, physical_densities
+from mpmtop.solvers import MAX_ITERATIONS, MultigridCG
 from mpmtop.stiffness import CellMap
 
 
@@ -190,7 +191,7 @@ def plan(problem: DesignProblem) -> str:
         f"dilatation: {'of each point' if model.transfer.b_bar is None else 'averaged over each cell (B-bar)'}",
         f"ghost faces: {_ghost_plan(model)}",
         f"stiffness: {len(model.stiffness.row)} entries of the lower triangle, {_stiffness_plan(model)}",
-        f"solver: {type(model.solver).__name__}, one factorisation for a design",
+        f"solver: {_solver_plan(model)}",
         "Newton: one step, the scene is linear; the tangent of a further one would be the same",
         "adjoint solve: one, with the factorisation of the state"
         if problem.objective.solves
@@ -209,6 +210,12 @@ def _ghost_plan(model: Model) -> str:
     if faces == 0:
         return f"skipped, none of the {ghost.between} between two cells of the body has a cut cell beside it"
     return f"{faces} of {ghost.between} between two cells of the body have a cut cell beside them"
+
+
+def _solver_plan(model: Model) -> str:
+    if isinstance(model.solver, MultigridCG):
+        return f"MultigridCG, one hierarchy for a design; sparse Cholesky where {MAX_ITERATIONS} iterations do not do"
+    return f"{type(model.solver).__name__}, one factorisation for a design"
 
 
 def _stiffness_plan(model: Model) -> str:

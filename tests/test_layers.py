@@ -9,8 +9,9 @@ import pytest
 ROOT = Path(__file__).parent.parent
 ORDER = [
     *("region", "scene", "grid", "points", "quadtree", "shape_functions", "transfer", "b_bar", "ghost", "material"),
-    *("stiffness", "solvers.pattern", "solvers.checked", "solvers.banded", "solvers.superlu", "solvers.stencil"),
-    *("solvers.multigrid", "solvers.multigrid_cg", "solvers", "equilibrium", "objectives", "design", "problem"),
+    *("stiffness", "solvers.pattern", "solvers.checked", "solvers.banded", "solvers.superlu", "solvers.dissection"),
+    *("solvers.sparse_cholesky", "solvers.stencil", "solvers.multigrid", "solvers.multigrid_cg", "solvers"),
+    *("equilibrium", "objectives", "design", "problem"),
     *(f"optimize.{name}" for name in ("protocols", "subproblem", "state", "mma", "gcmma", "optimality_criteria")),
     *(f"optimize.{name}" for name in ("checkpoint", "loop")),
     *("optimize", "fields", "at_points", "export", "plot"),

@@ -16,10 +16,10 @@ from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.linalg import cho_solve_banded, cholesky_banded
 
-from mpmtop.scene import Array
-from mpmtop.solvers.pattern import Solve
+from mpmtop.scene import Array, Index
+from mpmtop.solvers.pattern import Lattice, Pattern, Solve
+from mpmtop.solvers.sparse_cholesky import SparseCholesky
 from mpmtop.solvers.stencil import Blocks
 
 DEGREE = 2
@@ -27,10 +27,9 @@ DEGREE = 2
 SMOOTHED = 4.0
 """The smoother reduces what lies in the upper part [1 / SMOOTHED, 1] of the spectrum, about what a coarser level of
 half the lines cannot represent."""
-COARSEST = 5_000_000
-"""Largest band (unknowns times nodes across) of a lattice that is not coarsened further but solved directly: in 0.3 s,
-and 0.03 s a cycle. It should be as fine as that allows: on lattices coarser than the members of a design, gaps between
-them close, and 20 iterations become 100 (250 x 125 cells, members of three cells, contrast 1e-9)."""
+COARSEST = 70_000
+"""Unknowns of a lattice that is not coarsened further but solved directly, by sparse Cholesky. It should be as fine as
+a cycle's price allows: on lattices coarser than the members of a design, gaps between them close."""
 SHIFT = 1e-12
 """Part of the diagonal added on the coarsest level: two of its nodes may share all that they interpolate to."""
 
@@ -44,13 +43,13 @@ class Step(NamedTuple):
 
 
 def coarsening(lines: tuple[int, int], h: tuple[float, float], coarsest: int = COARSEST) -> list[Step]:
-    """Steps from a lattice of so many lines and cells of size h to one of no more than the `coarsest` band.
+    """Steps from a lattice of so many lines and cells of size h to one of no more than `coarsest` unknowns.
 
     An axis waits while its lines are further apart than the other's (Galerkin with point smoothers wants cells that are
     about square), or when it has few.
     """
     steps, n, spacing = [], list(lines), list(h)
-    while max(n) > 4 and 2 * n[0] * n[1] * min(n) > coarsest:
+    while max(n) > 4 and 2 * n[0] * n[1] > coarsest:
         long = [a for a in (0, 1) if n[a] > 4]
         axes = tuple(a for a in long if spacing[a] < 1.5 * min(spacing[b] for b in long))
         along = [_interpolation(n[a]) if a in axes else sp.eye_array(n[a]) for a in (0, 1)]
@@ -67,6 +66,52 @@ def _interpolation(n: int) -> sp.csr_array:
     return sp.csr_array(
         (np.full(2 * n, 0.5), (np.tile(i, 2), np.concatenate([i // 2, (i + 1) // 2]))), shape=(n, n // 2 + 1)
     )
+
+
+class Coarsest(NamedTuple):
+    """The coarsest level, to be solved directly: places of its unknowns (m,) in a vector, of its lower triangle (nnz,)
+    in `Blocks.entries`, and of the diagonal (m,) therein."""
+
+    unknown: Index
+    entry: Index
+    diagonal: Index
+    cholesky: SparseCholesky
+
+    def factor(self, K: Blocks) -> Solve:
+        """K u = f for vectors f (2 nodes,) of the level."""
+        data = K.entries.ravel()[self.entry]
+        diagonal = data[self.diagonal]
+        data[self.diagonal] = np.where(diagonal > 0, diagonal * (1 + SHIFT), 1)
+        inside = self.cholesky.unchecked(data)[0]
+
+        def solve(f: Array) -> Array:
+            u = np.zeros_like(f)
+            u[self.unknown] = inside(f[self.unknown])
+            return u
+
+        return solve
+
+
+def coarsest_of(structure: Blocks, steps: Sequence[Step]) -> Coarsest:
+    """The coarsest level below a `structure`: positive where K has an entry, zero where it has none."""
+    for step in steps:
+        for axis in step.axes:
+            structure = structure.coarse(axis)
+    (nx, ny), reach = structure.stencil.lines, structure.stencil.reach
+    unknown = np.flatnonzero(structure.diagonal)
+    number = np.full(structure.stencil.size, -1)
+    number[unknown] = np.arange(len(unknown))
+    other, x, y, c, i, j = np.nonzero(structure.entries)
+    row = number[(c * nx + i) * ny + j]
+    col = number[((c ^ other) * nx + i + x - reach[0]) * ny + j + y - reach[1]]
+    lower = row >= col
+    row, col = row[lower], col[lower]
+    component, node = np.divmod(unknown, nx * ny)
+    lattice = Lattice((1.0, 1.0), np.stack(np.divmod(node, ny), axis=-1), component)
+    on_diagonal = np.flatnonzero(row == col)
+    on_diagonal = on_diagonal[np.argsort(row[on_diagonal])]
+    cholesky = SparseCholesky(Pattern(len(unknown), row, col, lattice))
+    return Coarsest(unknown, np.flatnonzero(structure.entries)[lower], on_diagonal, cholesky)
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,15 +166,15 @@ class Cycle:
         return at.smooth(u, f)
 
 
-def v_cycle(K: Blocks, steps: Sequence[Step]) -> Cycle:
-    """The hierarchy below K, and its cycle."""
+def v_cycle(K: Blocks, steps: Sequence[Step], coarsest: Coarsest) -> Cycle:
+    """The hierarchy below K, and its cycle; SingularMatrix if the coarsest level has a mechanism."""
     levels = []
     for step in steps:
         inverse = np.divide(1, K.diagonal, out=np.zeros_like(K.diagonal), where=K.diagonal > 0)
         levels.append(Level(K, inverse / largest_eigenvalue(K, inverse), step))
         for axis in step.axes:
             K = K.coarse(axis)
-    return Cycle(levels, _coarsest(K))
+    return Cycle(levels, coarsest.factor(K))
 
 
 def largest_eigenvalue(K: Blocks, inverse: Array) -> float:
@@ -144,26 +189,3 @@ def largest_eigenvalue(K: Blocks, inverse: Array) -> float:
         v *= scale
         size = float(np.linalg.norm(v))
     return 1.25 * size
-
-
-def _coarsest(K: Blocks) -> Solve:
-    """Banded Cholesky of K, its nodes numbered across the lattice."""
-    (nx, ny), (rx, ry) = K.stencil.lines, K.stencil.reach
-    across, along = (ny, 1) if nx >= ny else (1, nx)
-    other, x, y, c, i, j = np.nonzero(K.entries)
-    row = 2 * (i * across + j * along) + c
-    col = 2 * ((i + x - rx) * across + (j + y - ry) * along) + (c ^ other)
-    below = row >= col
-    band = np.zeros((int(np.max(row - col, initial=0)) + 1, K.stencil.size))
-    band[(row - col)[below], col[below]] = K.entries[other, x, y, c, i, j][below]
-    band[0] = np.where(band[0] > 0, band[0] * (1 + SHIFT), 1)
-    factor = cholesky_banded(band, lower=True, overwrite_ab=True, check_finite=False)
-    # place in a vector of every unknown of the band
-    place = np.arange(K.stencil.size).reshape(2, nx, ny).transpose((1, 2, 0) if nx >= ny else (2, 1, 0)).ravel()
-
-    def solve(f: Array) -> Array:
-        u = np.empty_like(f)
-        u[place] = cho_solve_banded((factor, True), f[place], overwrite_b=True, check_finite=False)
-        return u
-
-    return solve

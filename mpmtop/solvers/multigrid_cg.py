@@ -1,22 +1,24 @@
 """Conjugate gradients with multigrid: the large systems."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, partial
 
 import numpy as np
 from scipy.linalg import eigh
 
-from mpmtop.scene import Array, NotConverged
+from mpmtop.scene import Array, Index
 from mpmtop.solvers.checked import SINGULAR
-from mpmtop.solvers.multigrid import COARSEST, Cycle, Step, coarsening, v_cycle
+from mpmtop.solvers.multigrid import COARSEST, Coarsest, Cycle, Step, coarsening, coarsest_of, v_cycle
 from mpmtop.solvers.pattern import Lattice, Pattern, SingularMatrix, Solve
+from mpmtop.solvers.sparse_cholesky import SparseCholesky
 from mpmtop.solvers.stencil import Blocks, Places, assembled, places, rigid_motions
 
 STRESS_TOLERANCE = 1e-8
 """Of MultigridCG for objectives of stress: keeps them to 1e-6 over ten iterations (20,000 points, p = 12)."""
-MAX_ITERATIONS = 300
-"""Of conjugate gradients. Filtered designs take 10 to 30. Cells solid or void at random, without a filter, converge at
-a contrast of 1e-3 and not at 1e-6: pieces that hang on void alone have modes that no coarse level represents."""
+MAX_ITERATIONS = 40
+"""Of conjugate gradients, before the direct solver takes over: about what a factorisation costs, so that a solve takes
+at most twice as long as with the better of the two."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,17 +53,30 @@ class MultigridCG:
     def _steps(self) -> list[Step]:
         return coarsening(self._places.stencil.lines, self.lattice.h, self.coarsest)
 
+    @cached_property
+    def _coarsest(self) -> Coarsest:
+        return coarsest_of(assembled(self._places, np.ones(len(self.pattern.row))), self._steps)
+
+    @cached_property
+    def _direct(self) -> SparseCholesky:
+        return SparseCholesky(self.pattern)
+
     def factor(self, data: Array) -> Solve:
         """Set up the hierarchy of one K; SingularMatrix if a diagonal entry is not positive.
 
-        The function returned raises SingularMatrix on a direction without energy, NotConverged after MAX_ITERATIONS.
+        Where the iteration does not converge in MAX_ITERATIONS the function returned factors K by sparse Cholesky, once
+        for all right sides to come, and raises SingularMatrix if that is singular.
         """
         K = assembled(self._places, data)
         diagonal = K.diagonal[self._places.unknown]
         if np.min(diagonal) <= 0:
             raise SingularMatrix(int(np.argmin(diagonal)))
         self._check_rigid_motions(K)
-        return partial(self._solve, K, v_cycle(K, self._steps))
+        try:
+            cycle = v_cycle(K, self._steps, self._coarsest)
+        except SingularMatrix:  # coarser than the mechanism, which the direct solver names
+            return self._direct.factor(data)
+        return IteratedSolve(K, cycle, self._places.unknown, self.tolerance, partial(self._direct.factor, data))
 
     def _check_rigid_motions(self, K: Blocks) -> None:
         """SingularMatrix if the whole body can move: under a load that does not move it, the iteration converges."""
@@ -72,31 +87,50 @@ class MultigridCG:
             loosest = combination[:, 0] @ motions[:, self._places.unknown]
             raise SingularMatrix(int(np.argmax(np.abs(loosest))))
 
-    def _solve(self, K: Blocks, cycle: Cycle, b: Array) -> Array:
+
+@dataclass(frozen=True, eq=False)
+class IteratedSolve:
+    """K x = b for b (m,) or (m, k) by conjugate gradients, and directly from the first b on that takes too many."""
+
+    K: Blocks
+    cycle: Cycle
+    unknown: Index
+    tolerance: float
+    factor: Callable[[], Solve]
+
+    @cached_property
+    def direct(self) -> Solve:
+        """The direct solver, from the first right side on that needs it."""
+        return self.factor()
+
+    def __call__(self, b: Array) -> Array:
+        """x."""
         if b.ndim == 2:
-            return np.stack([self._solve(K, cycle, column) for column in b.T], axis=1)
-        residual, unknown = np.zeros(K.stencil.size), self._places.unknown
+            return np.stack([self(column) for column in b.T], axis=1)
+        found = None if "direct" in self.__dict__ else self._iterate(b)
+        return self.direct(b) if found is None else found
+
+    def _iterate(self, b: Array) -> Array | None:
+        """x, or None after MAX_ITERATIONS or on a direction without energy."""
+        K, unknown = self.K, self.unknown
+        residual = np.zeros(K.stencil.size)
         residual[unknown] = b
         # half, so that what rounding adds to the residual does not call for another solve
         goal = self.tolerance / 2 * np.linalg.norm(b)
         u, direction, last = np.zeros_like(residual), np.zeros_like(residual), np.inf
-        for _ in range(MAX_ITERATIONS):
+        for _ in range(MAX_ITERATIONS + 1):
             if np.linalg.norm(residual) <= goal:
                 return u[unknown]
-            z = cycle(residual)
+            z = self.cycle(residual)
             product = float(residual @ z)
             direction *= product / last
             direction += z
             image = K.matrix @ direction
             curvature = float(direction @ image)
             if not curvature > 0:
-                raise SingularMatrix(int(np.argmax(np.abs(direction[unknown]))))
+                return None
             u += np.multiply(direction, product / curvature, out=z)
             image *= product / curvature
             residual -= image
             last = product
-        raise NotConverged(
-            f"residual {np.linalg.norm(residual) / np.linalg.norm(b):.1e} |b| after {MAX_ITERATIONS} iterations of "
-            f"conjugate gradients with multigrid (tolerance {self.tolerance:.0e}): raise E_min / E0 (`contrast`), "
-            "support the body better, or use a direct solver, `discretise(..., solver=SuperLU)`"
-        )
+        return None
