@@ -134,8 +134,8 @@ def test_plan_and_fingerprint() -> None:
 
 
 def test_a_large_body() -> None:
-    """Sixty thousand points: every choice by size at once; dC/dlnE sums to -C, and the filter keeps the volume."""
-    model = discretise(cantilever(300, 150, filter_radius=6.0), 1.0, ppc=(1, 2))
+    """A hundred thousand points: every choice by size at once; dC/dlnE sums to -C, and the filter keeps the volume."""
+    model = discretise(cantilever(320, 160, filter_radius=6.0), 1.0, ppc=(1, 2))
     problem = DesignProblem(model)
     assert isinstance(model.solver, MultigridCG)
     assert isinstance(model.stiffness.maps[0], CellMap)
