@@ -1,5 +1,6 @@
 """Multigrid against the direct solver, and the properties its convergence rests on."""
 
+from dataclasses import replace
 from functools import cache, partial
 
 import numpy as np
@@ -11,7 +12,7 @@ from mpmtop.objectives import compliance, compliance_gradient
 from mpmtop.optimize import MMA, optimize
 from mpmtop.problem import DesignProblem, plan
 from mpmtop.region import Circle, Difference, Rectangle
-from mpmtop.scene import Array, Material
+from mpmtop.scene import Array, Material, PNormStress
 from mpmtop.shape_functions import bspline2, bspline3, gimp
 from mpmtop.solvers import MAX_ITERATIONS, BandedCholesky, Lattice, MultigridCG, SparseCholesky, multigrid
 from mpmtop.solvers.multigrid import coarsening, coarsest_of, v_cycle
@@ -219,3 +220,16 @@ def test_one_point_for_a_cell() -> None:
     """Its hourglass modes have next to no stiffness, which no coarse level sees: answered as by the band."""
     ours, direct = (discretise(cantilever(40, 20), 1.0, 1, solver=solver) for solver in (DEEP, BandedCholesky))
     assert_same(equilibrium(ours, np.ones(800)), equilibrium(direct, np.ones(800)), direct)
+
+
+def test_stress_objective_sees_no_more_than_rounding(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ten iterations for the p-norm by the solver that is chosen for it keep its objective to 1e-6 of the band's."""
+    monkeypatch.setattr("mpmtop.solvers.MULTIGRID_FROM", 0)
+    chosen = discretise(cantilever(40, 20, objective=PNormStress(12, 0.5)), 1.0)
+    assert isinstance(chosen.solver, MultigridCG)
+    ends = []
+    for solver in (replace(chosen.solver, coarsest=200), BandedCholesky(chosen.solver.pattern)):
+        problem = DesignProblem(replace(chosen, solver=solver))
+        *_, last = optimize(problem, MMA(move=0.05), max_iterations=10, stop=lambda history: False)
+        ends.append(last.objective)
+    assert ends[0] == pytest.approx(ends[1], rel=1e-6)
