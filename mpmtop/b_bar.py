@@ -9,7 +9,7 @@ so that a cell asks for one. The factor is 1/2, not 1/3, because the strain stay
 the mean of eps_xx and eps_yy, which is averaged, and the rest, which is not. A point alone in its cell keeps its B.
 A linear displacement keeps its strain. The mean stress is then one value for each cell and modulus, also with
 B-splines, which bring a smoother one where they do not lock. Plane stress does not lock, and is refused.
-K stays as ill-conditioned as the material is: close to nu = 1/2 multigrid fails, and a direct solver has to be chosen.
+K stays as ill-conditioned as the material is: close to nu = 1/2 multigrid fails and hands over to the direct solver.
 
 Sources: Hughes (1980), Int. J. Numer. Meth. Engng 15:1413; for material points Coombs, Charlton, Cortis and Augarde
 (2018), Comput. Methods Appl. Mech. Engrg. 333:115.

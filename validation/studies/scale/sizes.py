@@ -219,7 +219,7 @@ def exponents(seconds: Mapping[str, Array], points: Array) -> dict[str, float]:
 
 
 def multigrid_for(objective: str, coarsest: int = MultigridCG.coarsest) -> ChosenBy:
-    """Multigrid as it is chosen for an objective, but for the band of unknowns times nodes it coarsens down to."""
+    """Multigrid as it is chosen for an objective, but for the unknowns it coarsens down to."""
     tolerance = STRESS_TOLERANCE if objective == "p-norm" else MultigridCG.tolerance
     return partial(MultigridCG, coarsest=coarsest, tolerance=tolerance)
 

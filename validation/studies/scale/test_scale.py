@@ -151,7 +151,7 @@ def rounded_up(difference: float) -> float:
 def test_large(report: Report, progress: ShowProgress) -> None:
     """Two million points
 
-    Exponents are fitted from 125,000 points on. The first size is solved by banded Cholesky, the others by multigrid.
+    Exponents are fitted from 125,000 points on. The first size is solved by sparse Cholesky, the others by multigrid.
     """
     runs = measured(LARGE, lambda objective, nx: alone(nx, objective, 8), progress)
     growth = recorded(report, runs, LARGE[0] ** 2 // 2)
