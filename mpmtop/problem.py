@@ -90,6 +90,16 @@ class DesignProblem:
             return density_filter(self._grid_points, radius)
         return passive_filter(self._grid_points, radius, self.space, over_passive=self.filter_passive)
 
+    @property
+    def positions(self) -> Array:
+        """Places of the design variables on the design grid, (a, 2)."""
+        return self._grid_points.x[self.space.active]
+
+    @property
+    def filter_radius(self) -> float:
+        """Radius of the density filter [length]."""
+        return self.model.scene.filter_radius
+
     @cached_property
     def objective(self) -> Objective:
         """The objective of the scene."""

@@ -3,6 +3,7 @@
 import hashlib
 from dataclasses import astuple, dataclass
 from functools import cached_property
+from typing import Literal, get_args
 
 import numpy as np
 import scipy.sparse as sp
@@ -16,6 +17,8 @@ from reference_fem.elasticity import FemModel, State, discretise, inverse_stiffn
 from reference_fem.mesh import GEOMETRY_TOLERANCE, shortest_side
 from reference_fem.objectives import STRESS_POSITIONS, Objective, StressPosition, objective
 
+Filtered = Literal["density", "sensitivity"]
+SENSITIVITY_FLOOR = 1e-3  # density by which the averaged sensitivity is divided, at least: of the published codes
 VOLUME_ROUNDING = 1e-12  # of the volume: sums of areas
 
 
@@ -45,14 +48,22 @@ class DesignProblem:
     ones count in the first sum, void ones in neither. The filter takes passive elements as absent, or averages them
     with the others (`filter_passive`). Raises InvalidScene, EmptyDomain or LoadOutsideBody where passive regions
     leave no feasible design, none at all, or a load without material.
+
+    The "sensitivity" filter (Sigmund 1997) takes the design for the densities, rho = design, and averages the
+    derivative instead: df0_j = sum_i H_ji x_i dJ/drho_i / max(1e-3, x_j), the derivative of no function.
     """
 
     scene: Scene
     model: FemModel
     stress_at: StressPosition = "centre"
     filter_passive: bool = False
+    filtered: Filtered = "density"
 
     def __post_init__(self) -> None:
+        if self.filtered not in get_args(Filtered):
+            raise InvalidScene(f"filtered {self.filtered!r}: say one of {', '.join(get_args(Filtered))}")
+        if self.filtered == "sensitivity" and self.filter_passive:
+            raise InvalidScene("filter_passive averages densities, the sensitivity filter does not: drop one of them")
         if self.stress_at not in STRESS_POSITIONS:
             raise InvalidScene(f"stress at {self.stress_at!r}: say one of {', '.join(STRESS_POSITIONS)}")
         least = self.model.area @ (self.H @ self.lower + self.space.fixed) / self._volume_bound
@@ -73,6 +84,16 @@ class DesignProblem:
     def H(self) -> sp.csr_matrix:
         """Density filter (e, a), with empty rows for passive elements."""
         return self.space.H
+
+    @property
+    def positions(self) -> Array:
+        """Centres of the elements that are design variables, (a, 2)."""
+        return self.model.centres[self.space.active]
+
+    @property
+    def filter_radius(self) -> float:
+        """Radius of the filter [length]."""
+        return self.scene.filter_radius
 
     @cached_property
     def objective(self) -> Objective:
@@ -114,7 +135,14 @@ class DesignProblem:
             *(scene.material.young, scene.material.poisson, scene.penal, scene.contrast),
             *(scene.volume_fraction, scene.rho_min, *astuple(law)),
         )
-        said = (type(law).__name__, scene.material.plane, model.basis.Nbfun, self.stress_at, *map(float, numbers))
+        said = (
+            type(law).__name__,
+            scene.material.plane,
+            model.basis.Nbfun,
+            self.stress_at,
+            self.filtered,
+            *map(float, numbers),
+        )
         digest = hashlib.sha256(repr(said).encode())
         corners = model.basis.mesh.p[:, model.basis.mesh.t]
         weights = (self.H.data, self.H.indices, self.H.indptr)
@@ -124,7 +152,11 @@ class DesignProblem:
 
     def evaluate(self, x: Array) -> Evaluation:
         """Objective and constraint of the design x (a,): one factorisation, one solve, no derivative."""
-        return self.analyse(self.H @ x + self.space.fixed)
+        if self.filtered == "density":
+            return self.analyse(self.H @ x + self.space.fixed)
+        rho = self.space.solid.astype(float)
+        rho[self.space.active] = x
+        return self.analyse(rho)
 
     def analyse(self, rho: Array) -> Evaluation:
         """Objective and constraint of physical densities rho (e,) in [0, 1], of any origin, passive ones included."""
@@ -137,8 +169,14 @@ class DesignProblem:
 
     def gradient(self, evaluation: Evaluation) -> tuple[Array, Array]:
         """Derivatives by the design: df0 = H^T dJ/drho (a,) and dg (1, a); no further factorisation."""
-        dg = self.H.T @ self.model.area / self._volume_bound
-        return self.H.T @ self.density_gradient(evaluation), dg[None]
+        d_rho = self.density_gradient(evaluation)
+        if self.filtered == "density":
+            dg = self.H.T @ self.model.area / self._volume_bound
+            return self.H.T @ d_rho, dg[None]
+        active = self.space.active
+        x = evaluation.rho[active]
+        averaged = self.H[active] @ (x * d_rho[active]) / np.maximum(SENSITIVITY_FLOOR, x)
+        return averaged, self.model.area[active][None] / self._volume_bound
 
     def density_gradient(self, evaluation: Evaluation) -> Array:
         """dJ/drho (e,) by the physical densities: explicit part - dE/drho lambda_e . k_e u_e; one solve for stress."""
@@ -168,6 +206,7 @@ def design_problem(
     *,
     mesh: MeshQuad | None = None,
     filter_passive: bool = False,
+    filtered: Filtered = "density",
 ) -> DesignProblem:
     """The scene's problem on elements of side `size`, or on a `mesh`, with one density for each element.
 
@@ -175,7 +214,7 @@ def design_problem(
     each density as for each material point, or at the Gauss points, averaged in the p-norm; every element counts once,
     whatever its size. Raises as `discretise` and `DesignProblem`.
     """
-    return DesignProblem(scene, discretise(scene, size, order, mesh=mesh), stress_at, filter_passive)
+    return DesignProblem(scene, discretise(scene, size, order, mesh=mesh), stress_at, filter_passive, filtered)
 
 
 def simp(rho: Array, scene: Scene) -> tuple[Array, Array]:

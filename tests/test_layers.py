@@ -13,7 +13,7 @@ ORDER = [
     *("solvers.sparse_cholesky", "solvers.stencil", "solvers.multigrid", "solvers.multigrid_cg", "solvers"),
     *("equilibrium", "objectives", "design", "problem"),
     *(f"optimize.{name}" for name in ("protocols", "subproblem", "state", "mma", "gcmma", "optimality_criteria")),
-    *(f"optimize.{name}" for name in ("checkpoint", "loop")),
+    *(f"optimize.{name}" for name in ("start", "stopping", "checkpoint", "loop")),
     *("optimize", "fields", "at_points", "export", "plot"),
     *(
         f"large_deformation.{name}"

@@ -27,7 +27,7 @@ class SingleStepGCMMA:
 
     def step(self, problem: Problem[E], state: State, evaluation: E, df0: Array, dg: Array) -> tuple[State, E, int]:
         """Next state, its evaluation and the solves spent (1); NotConverged if a value is not finite."""
-        f, df = scaled_functions(state, evaluation, df0, dg)
+        state, f, df = scaled_functions(problem, state, evaluation, df0, dg)
         return step_once(problem, state, f, df, _start_curvature(problem, df), self.move)
 
 
@@ -51,7 +51,7 @@ class GCMMA:
 
     def step(self, problem: Problem[E], state: State, evaluation: E, df0: Array, dg: Array) -> tuple[State, E, int]:
         """Next state, its evaluation and the solves spent (1 to max_inner); NotConverged if a value is not finite."""
-        f, df = scaled_functions(state, evaluation, df0, dg)
+        state, f, df = scaled_functions(problem, state, evaluation, df0, dg)
         rho = _start_curvature(problem, df)
         if self.warm_start and state.iteration > 0:
             rho = np.maximum(LEAST_CURVATURE, 0.5 * state.curvature)

@@ -6,24 +6,47 @@
 A run with a checkpoint can be killed at any moment; started again, it goes on bit for bit as if nothing had happened.
 """
 
-from collections.abc import Callable, Iterator
+import os
+import warnings
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Generic
+from typing import Any, Generic, Literal
 
 import numpy as np
 
-from mpmtop.optimize.checkpoint import RESUMED_OBJECTIVE_RTOL, CheckpointError, load_checkpoint, save_checkpoint
-from mpmtop.optimize.protocols import E, Problem, UpdateRule
-from mpmtop.optimize.state import initial_state
+from mpmtop.optimize.checkpoint import (
+    RESUMED_OBJECTIVE_RTOL,
+    CheckpointError,
+    Progress,
+    Run,
+    load_checkpoint,
+    save_checkpoint,
+)
+from mpmtop.optimize.protocols import E, Problem, State, UpdateRule
+from mpmtop.optimize.start import Start, carried, check_levels, starting_design
+from mpmtop.optimize.state import checked_start, initial_state
+from mpmtop.optimize.stopping import PAPER_RULE, History, StoppingRule
 from mpmtop.scene import Array
+
+FEASIBLE = 1e-3
+"""The largest constraint of a converged design, constraints being of order one: a thousandth of the limit. The
+bisection of the published optimality criteria leaves up to 6e-4 of the volume; the other rules leave 1e-6 and less."""
+
+Outcome = Literal["running", "converged", "infeasible", "max_iterations"]
+
+
+class Infeasible(UserWarning):
+    """A run has come to rest at a design that violates a constraint; the message says which, and by how much."""
 
 
 @dataclass(frozen=True, eq=False)
 class Iterate(Generic[E]):
-    """Design x (n,) of one iteration with its own objective, constraints (m,) and evaluation.
+    """Design x (n,) of one iteration of a stage with its own objective, constraints (m,) and evaluation.
 
-    `solves` counts all analyses up to here; `converged` tells whether the stopping rule is met.
+    `solves` counts all analyses of all stages up to here. `outcome` of a stage's last iterate: "converged", the
+    stopping rule is met and no constraint exceeds the tolerance; "infeasible", the rule is met by the objective and by
+    the largest violation alike, which stays above it; "max_iterations". Of any other: "running".
     """
 
     iteration: int
@@ -32,93 +55,164 @@ class Iterate(Generic[E]):
     objective: float
     constraints: Array
     evaluation: E
-    converged: bool
+    outcome: Outcome
+    stage: int = 0
+
+    @property
+    def converged(self) -> bool:
+        """Whether the stopping rule is met by a feasible design."""
+        return self.outcome == "converged"
 
 
 @dataclass(frozen=True, eq=False)
-class History:
-    """What a stopping rule sees: objective (k+1,) of iterations 0 to k, design x and the last one, x_old (n,)."""
+class Stage(Generic[E]):
+    """A part of a run: its problem, and how it is optimised and until when."""
 
-    objective: Array
-    x: Array
-    x_old: Array
+    problem: Problem[E]
+    update: UpdateRule
+    stop: StoppingRule = PAPER_RULE
+    max_iterations: int = 500
 
-
-StoppingRule = Callable[[History], bool]
-
-
-def relative_change(tol: float = 1e-4, window: int = 4) -> StoppingRule:
-    """Stop when |J_k - J_(k-i)| <= tol |J_k| for i = 1..window (the paper's rule)."""
-    if not tol >= 0 or window < 1:
-        raise ValueError(f"tol {tol}, window {window}: give a tolerance of at least 0 and a window of at least 1")
-
-    def met(history: History) -> bool:
-        J = history.objective
-        return len(J) > window and bool(np.all(np.abs(J[-1] - J[-1 - window : -1]) <= tol * abs(J[-1])))
-
-    return met
-
-
-def design_change(tol: float = 0.01) -> StoppingRule:
-    """Stop when max |x_k - x_(k-1)| <= tol."""
-    if not tol >= 0:
-        raise ValueError(f"tol {tol}: give a tolerance of at least 0")
-
-    def met(history: History) -> bool:
-        return len(history.objective) > 1 and bool(np.max(np.abs(history.x - history.x_old)) <= tol)
-
-    return met
-
-
-PAPER_RULE = relative_change()
+    def __post_init__(self) -> None:
+        if self.max_iterations < 0:
+            raise ValueError(f"max_iterations {self.max_iterations}: give at least 0")
 
 
 def optimize(
     problem: Problem[E],
     update: UpdateRule,
     *,
+    start: Start | None = None,
+    levels: Sequence[Problem[E]] = (),
     stop: StoppingRule = PAPER_RULE,
     max_iterations: int = 500,
-    checkpoint: Path | None = None,
+    feasible: float = FEASIBLE,
+    checkpoint: str | os.PathLike[str] | None = None,
     checkpoint_every: int = 1,
 ) -> Iterator[Iterate[E]]:
-    """Iterates from x0 (iteration 0) until `stop` is met or `max_iterations` updates are made.
+    """Iterates from the start (iteration 0) until `stop` is met by a feasible design or `max_iterations` updates made.
 
-    With a `checkpoint` file the state is written after every `checkpoint_every`-th iterate and the last, before the
-    iterate is handed out; if the file exists the run resumes from it, beginning with the iterate it holds. That design
-    is analysed again, which is not counted as a solve. Raises NotConverged on values that are not finite, ValueError on
-    unusable bounds, CheckpointError on a file that is damaged or belongs to another problem or rule.
+    `start` is a design (n,), a number for all variables, or a function of their positions (n, d); x0 by default.
+    `levels` are coarser problems of the same body and the same filter radius, coarsest first: each is optimised before
+    the problem, from what the last one came to, by the same rules; a filter radius of 1.5 of their spacings at least is
+    what they need (UnresolvedFilter). Their iterates are handed out, too: `stage` tells them apart. See `continuation`
+    for the rest.
     """
-    if max_iterations < 0 or checkpoint_every < 1:
-        raise ValueError(f"max_iterations {max_iterations}, checkpoint_every {checkpoint_every}: give at least 0 and 1")
-    run = f"{problem.fingerprint}\n{update!r}"
-    if checkpoint is not None and checkpoint.exists():
-        state, objectives, solves = load_checkpoint(checkpoint, run)
-        evaluation = problem.evaluate(state.x)
-        if not np.isclose(evaluation.objective, objectives[-1], rtol=RESUMED_OBJECTIVE_RTOL, atol=0):
-            raise CheckpointError(
-                f"{checkpoint}: its design has objective {evaluation.objective} here and had {objectives[-1]} when "
-                "written; the problem has changed: delete the file to start afresh"
+    check_levels(levels)
+    stages = [Stage(each, update, stop, max_iterations) for each in (*levels, problem)]
+    return continuation(
+        stages, start=start, feasible=feasible, checkpoint=checkpoint, checkpoint_every=checkpoint_every
+    )
+
+
+def continuation(
+    stages: Sequence[Stage[E]],
+    *,
+    start: Start | None = None,
+    feasible: float = FEASIBLE,
+    checkpoint: str | os.PathLike[str] | None = None,
+    checkpoint_every: int = 1,
+) -> Iterator[Iterate[E]]:
+    """Iterates of stages, one after the other, each from the design to which the last one came.
+
+    Stages may differ in all that a problem has: penal, projection, filter, objective, points; a design goes over to
+    other points by position. Every stage counts its iterations from 0, where its start is analysed.
+
+    With a `checkpoint` file the state is written after every `checkpoint_every`-th iterate and the last of a stage,
+    before the iterate is handed out; if the file exists the run resumes from it, beginning with the iterate it holds.
+    That design is analysed again, which is not counted as a solve. Warns `Infeasible`. Raises NotConverged on values
+    that are not finite, ValueError on unusable bounds or starts, CheckpointError on a file that is damaged or belongs
+    to another run.
+    """
+    if not stages:
+        raise ValueError("no stage: give at least one")
+    if checkpoint_every < 1 or not feasible >= 0:
+        raise ValueError(f"checkpoint_every {checkpoint_every}, feasible {feasible}: give at least 1 and 0")
+    path = None if checkpoint is None else Path(checkpoint)
+    first = checked_start(stages[0].problem, starting_design(stages[0].problem, start))
+    return _run(stages, first, feasible, path, checkpoint_every)
+
+
+def _run(stages: Sequence[Stage[E]], x: Array, feasible: float, path: Path | None, every: int) -> Iterator[Iterate[E]]:
+    run = Run(tuple(s.problem.fingerprint for s in stages), tuple(repr(s.update) for s in stages), x)
+    at: Progress | None = None
+    if path is not None and path.exists():
+        at = load_checkpoint(path, run)
+    for k in range(0 if at is None else at.stage, len(stages)):
+        stage = stages[k]
+        problem = stage.problem
+        if at is not None and at.stage == k:
+            evaluation = _again(path, problem, at)
+        else:
+            if at is not None:
+                x = carried(stages[k - 1].problem, at.state.x, problem)
+            evaluation = problem.evaluate(x)
+            at = _started(k, problem, evaluation, x, 0 if at is None else at.solves)
+        while True:
+            outcome = _outcome(stage, at, feasible)
+            if path is not None and (outcome != "running" or at.state.iteration % every == 0):
+                save_checkpoint(path, run, at)
+            if outcome == "infeasible":
+                _say(at, evaluation, feasible)
+            yield Iterate(
+                at.state.iteration,
+                at.solves,
+                at.state.x.copy(),  # the caller may do as it likes with it
+                float(evaluation.objective),
+                np.array(evaluation.constraints),
+                evaluation,
+                outcome,
+                k,
             )
-    else:
-        evaluation = problem.evaluate(problem.x0)
-        state, objectives, solves = initial_state(problem, evaluation), [float(evaluation.objective)], 1
-    while True:
-        converged = stop(History(np.array(objectives), state.x, state.x_old))
-        last = converged or state.iteration >= max_iterations
-        if checkpoint is not None and (last or state.iteration % checkpoint_every == 0):
-            save_checkpoint(checkpoint, run, state, objectives, solves)
-        yield Iterate(
-            state.iteration,
-            solves,
-            state.x.copy(),  # the caller may do as it likes with it
-            float(evaluation.objective),
-            np.array(evaluation.constraints),
-            evaluation,
-            converged,
+            if outcome != "running":
+                break
+            state, evaluation, spent = stage.update.step(problem, at.state, evaluation, *problem.gradient(evaluation))
+            at = _gone_on(at, state, evaluation, spent)
+
+
+def _started(k: int, problem: Problem[E], evaluation: E, x: Array, solves: int) -> Progress:
+    """A stage at its start, evaluated."""
+    state = initial_state(problem, evaluation, x)
+    return Progress(k, state, [float(evaluation.objective)], [_largest(evaluation)], solves + 1)
+
+
+def _gone_on(at: Progress, state: State, evaluation: Any, spent: int) -> Progress:
+    """A stage after one more update."""
+    objectives, largest = [*at.objectives, float(evaluation.objective)], [*at.largest, _largest(evaluation)]
+    return Progress(at.stage, state, objectives, largest, at.solves + spent)
+
+
+def _largest(evaluation: Any) -> float:
+    return float(np.max(evaluation.constraints))
+
+
+def _again(path: Path | None, problem: Problem[E], at: Progress) -> E:
+    """The analysis of a checkpoint's design, whose objective must be what it was."""
+    evaluation, written = problem.evaluate(at.state.x), at.objectives[-1]
+    if not np.isclose(evaluation.objective, written, rtol=RESUMED_OBJECTIVE_RTOL, atol=0):
+        raise CheckpointError(
+            f"{path}: its design has objective {evaluation.objective} here and had {written} when written; the problem "
+            "has changed: delete the file to start afresh"
         )
-        if last:
-            return
-        state, evaluation, spent = update.step(problem, state, evaluation, *problem.gradient(evaluation))
-        objectives.append(float(evaluation.objective))
-        solves += spent
+    return evaluation
+
+
+def _outcome(stage: Stage[Any], at: Progress, feasible: float) -> Outcome:
+    state = at.state
+    if stage.stop(History(np.array(at.objectives), state.x, state.x_old)):
+        if at.largest[-1] <= feasible:
+            return "converged"
+        if stage.stop(History(np.maximum(at.largest, 0), state.x, state.x_old)):
+            return "infeasible"
+    return "max_iterations" if state.iteration >= stage.max_iterations else "running"
+
+
+def _say(at: Progress, evaluation: Any, feasible: float) -> None:
+    worst = int(np.argmax(evaluation.constraints))
+    warnings.warn(
+        f"iteration {at.state.iteration} of stage {at.stage} is at rest with constraint {worst} at "
+        f"{at.largest[-1]:.3g}, above the tolerance {feasible:g}; no design near it is less infeasible: relax the "
+        "constraint, widen the bounds or start elsewhere",
+        Infeasible,
+        stacklevel=3,
+    )

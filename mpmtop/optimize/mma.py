@@ -10,8 +10,8 @@ ratio of the distances to the two asymptotes, r = (x - x_k + sigma) / (x_k + sig
 
 The curvature rho_i is a small constant in MMA; GCMMA raises it until f~_i >= f_i at the new design. With artificial
 variables y_i = max(0, lam_i - c) every subproblem has a solution: a constraint may be violated at the price
-c y + y^2 / 2. For that price to dominate, the objective is divided by |f_0(x_0)| in here, and constraints should be of
-order one.
+c y + y^2 / 2, where no step within the limits would meet it (`solve_subproblem`). The objective is scaled in here
+(`scaled_functions`); constraints should be of order one.
 
 Sources: K. Svanberg, Int. J. Numer. Meth. Engng 24 (1987) 359; SIAM J. Optim. 12 (2002) 555; "MMA and GCMMA - two
 methods for nonlinear optimization" (2007).
@@ -41,7 +41,7 @@ class MMA:
 
     def step(self, problem: Problem[E], state: State, evaluation: E, df0: Array, dg: Array) -> tuple[State, E, int]:
         """Next state, its evaluation and the solves spent (1); NotConverged if a value is not finite."""
-        f, df = scaled_functions(state, evaluation, df0, dg)
+        state, f, df = scaled_functions(problem, state, evaluation, df0, dg)
         return step_once(problem, state, f, df, np.full(len(f), MMA_CURVATURE), self.move)
 
 

@@ -51,7 +51,8 @@ class Problem(Protocol[E]):
 class State:
     """All an update rule remembers: the last three designs and asymptotes, each (n,), and the curvature rho (m+1,).
 
-    `iteration` counts updates; `scale` = 1 / |f_0(x_0)| multiplies the objective.
+    `iteration` counts updates; `scale` multiplies the objective: 1 / |f_0| of the start, or what `scaled_functions`
+    has made of it.
     """
 
     x: Array

@@ -1,21 +1,21 @@
 """The start of an optimisation, and the scaled functions of one design, checked."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from mpmtop.optimize.protocols import E, Evaluation, Problem, State
 from mpmtop.optimize.subproblem import SMALLEST
 from mpmtop.scene import Array, NotConverged
 
+LEAST_SLOPE = 1e-3
+"""Of the scaled objective, by its linear part from corner to corner of the bounds: below, the curvature that plain MMA
+adds, 1e-5 a variable, stands for the objective. A steep one needs no bound: no violation is bought for it."""
 
-def initial_state(problem: Problem[E], evaluation: E) -> State:
-    """State at x0, given its evaluation; ValueError if x0, bounds or constraints are unusable."""
-    x, lower, upper = (np.array(a, float) for a in (problem.x0, problem.lower, problem.upper))
-    if not (x.ndim == 1 and x.shape == lower.shape == upper.shape):
-        raise ValueError(
-            f"x0 {x.shape}, lower {lower.shape}, upper {upper.shape}: give three arrays of one length (n,)"
-        )
-    if not (np.all((lower <= x) & (x <= upper)) and np.all(np.isfinite([lower, upper]))):
-        raise ValueError("x0 must lie within finite bounds: clip it, or widen them")
+
+def initial_state(problem: Problem[E], evaluation: E, start: Array | None = None) -> State:
+    """State at `start` (n,), or x0, from its evaluation; ValueError if start, bounds or constraints are unusable."""
+    x = checked_start(problem, problem.x0 if start is None else start)
     m = np.size(evaluation.constraints)
     if m == 0:
         raise ValueError("no constraint: give at least one, for example -1 <= 0")
@@ -24,6 +24,26 @@ def initial_state(problem: Problem[E], evaluation: E) -> State:
     state = State(x, x, x, x - half, x + half, np.zeros(m + 1), iteration=0, scale=scale)
     scaled_values(state, evaluation)
     return state
+
+
+def checked_start(problem: Problem[E], start: Array) -> Array:
+    """A copy of the start (n,), which must be finite and within finite bounds, by ValueError."""
+    x, lower, upper = (np.array(a, float) for a in (start, problem.lower, problem.upper))
+    if not (x.ndim == 1 and x.shape == lower.shape == upper.shape):
+        raise ValueError(
+            f"start {x.shape}, lower {lower.shape}, upper {upper.shape}: give three arrays of one length (n,), "
+            "a value for each design variable"
+        )
+    if not np.all(np.isfinite([lower, upper])):
+        raise ValueError("the start must lie within finite bounds: give bounds that are numbers")
+    outside = ~((lower <= x) & (x <= upper))  # NaN is
+    if np.any(outside):
+        j = np.flatnonzero(outside)[0]
+        raise ValueError(
+            f"the start must lie within finite bounds: {np.count_nonzero(outside)} of {len(x)} variables do not, the "
+            f"first is {x[j]} at index {j}, between {lower[j]} and {upper[j]}: clip it, or widen them"
+        )
+    return x
 
 
 def scaled_values(state: State, evaluation: Evaluation) -> Array:
@@ -37,19 +57,30 @@ def scaled_values(state: State, evaluation: Evaluation) -> Array:
     return f
 
 
-def scaled_functions(state: State, evaluation: Evaluation, df0: Array, dg: Array) -> tuple[Array, Array]:
-    """Values f (m+1,) and derivatives df (m+1, n), the objective's scaled, at the design of `state`."""
-    f, df = scaled_values(state, evaluation), np.vstack([state.scale * df0, dg])
-    if df.shape != (len(f), len(state.x)):
-        raise ValueError(
-            f"derivatives of shape {df.shape}: give df0 (n,) and dg (m, n), {(len(f), len(state.x))} in all"
-        )
+def scaled_functions(
+    problem: Problem[E], state: State, evaluation: E, df0: Array, dg: Array
+) -> tuple[State, Array, Array]:
+    """State with a sound scale, values f (m+1,) and derivatives df (m+1, n), the objective's scaled, at its design.
+
+    The scale of the start, 1 / |f_0|, says little where f_0 has an origin far away, or has fallen by orders of
+    magnitude since. Where sum_j |scale df0_j| range_j falls below `LEAST_SLOPE` it becomes 1 again.
+    """
+    df = np.vstack([df0, dg], dtype=float)
+    if df.shape != (np.size(evaluation.constraints) + 1, len(state.x)):
+        expected = np.size(evaluation.constraints) + 1, len(state.x)
+        raise ValueError(f"derivatives of shape {df.shape}: give df0 (n,) and dg (m, n), {expected} in all")
     if not np.all(np.isfinite(df)):
         raise NotConverged(
             f"iteration {state.iteration}: {np.count_nonzero(~np.isfinite(df))} derivatives are not finite; "
             "check the gradient of this design"
         )
-    return f, df
+    slope = np.abs(df[0]) @ (problem.upper - problem.lower)
+    if SMALLEST < slope < LEAST_SLOPE / state.scale:
+        curvature = state.curvature.copy()
+        curvature[0] /= state.scale * slope
+        state = replace(state, scale=1 / slope, curvature=curvature)
+    df[0] *= state.scale
+    return state, scaled_values(state, evaluation), df
 
 
 def variable_range(problem: Problem[E]) -> Array:

@@ -7,7 +7,7 @@ See `mma` for what p, q and r are. One constraint: the dual has one variable, fo
 primal-dual interior point method.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
@@ -15,6 +15,7 @@ from scipy.linalg import cho_factor, cho_solve
 from mpmtop.scene import Array, NotConverged
 
 PENALTY = 1000.0  # c of the artificial variables
+VIOLATION_TOL = 1e-9  # the largest violation that may be bought: ten times what the dual leaves of a constraint
 SMALLEST = np.finfo(float).tiny
 AT_ONCE = 16_384
 """Variables taken at a time, so that what is computed of them stays in the processor's cache."""
@@ -59,12 +60,27 @@ def dual(sub: Subproblem, lam: Array) -> tuple[Array, Array, Array]:
 
 
 def solve_subproblem(sub: Subproblem) -> Array:
-    """r (n,) of the subproblem's minimum; NotConverged if its dual defies solution (badly scaled constraints)."""
-    return solve_single(sub) if len(sub.f) == 2 else solve_multiple(sub)
+    """r (n,) of the subproblem's minimum; NotConverged if its dual defies solution (badly scaled constraints).
+
+    A violation must not be cheaper than the objective it buys, whatever the objective's unit. So while a multiplier
+    stands above the price, the objective counts a thousandth of what it did, until all constraints are met or the whole
+    objective buys no violation that counts: then no step within these limits meets them.
+    """
+    solve = solve_single if len(sub.f) == 2 else solve_multiple
+    r, lam = solve(sub)
+    if np.all(lam <= PENALTY):
+        return r
+    weight = np.ones((len(sub.f), 1))
+    # what the objective can change by within the limits
+    worth = sub.p[0] @ (sub.r_max - sub.r_min) + sub.q[0] @ (1 / sub.r_min - 1 / sub.r_max)
+    while np.any(lam > PENALTY) and weight[0] * worth > PENALTY * VIOLATION_TOL:
+        weight[0] /= PENALTY
+        r, lam = solve(replace(sub, p=weight * sub.p, q=weight * sub.q))
+    return r
 
 
-def solve_single(sub: Subproblem) -> Array:
-    """r (n,) for one constraint: the root lam of f~_1 - y, which decreases with lam, by safeguarded Newton."""
+def solve_single(sub: Subproblem) -> tuple[Array, Array]:
+    """r (n,) and lam (1,) for one constraint: the root lam of f~_1 - y, which falls with lam, by safeguarded Newton."""
     df0, dg = (sub.p - sub.q) * ((sub.r_min < 1) & (sub.r_max > 1))
     low, high = -1.0, np.inf  # low < 0: lam = 0, an inactive constraint, has not been tried
     lam = min(max(-(df0 @ dg) / max(dg @ dg, SMALLEST), 0.0), PENALTY)  # least squares of stationarity at x_k
@@ -74,13 +90,13 @@ def solve_single(sub: Subproblem) -> Array:
         if g > 0:
             low, high = lam, min(high, PENALTY + f[1])
         elif lam == 0:
-            return r
+            return r, np.zeros(1)
         else:
             high = lam
         g_slope = slope[0, 0] - (lam >= PENALTY)
         trial = lam - g / g_slope if g_slope < 0 else lam if g == 0 else np.copysign(np.inf, g)
         if abs(trial - lam) <= 1e-13 * lam or high - low <= 1e-13 * lam:
-            return r
+            return r, np.array([lam])
         if trial <= 0 and low < 0:
             trial = 0.0
         elif not low < trial <= high:
@@ -90,8 +106,8 @@ def solve_single(sub: Subproblem) -> Array:
     raise NotConverged("the subproblem's multiplier was not found in 100 steps: scale the constraint to order one")
 
 
-def solve_multiple(sub: Subproblem) -> Array:
-    """r (n,) for any number of constraints: primal-dual interior-point Newton on the dual.
+def solve_multiple(sub: Subproblem) -> tuple[Array, Array]:
+    """r (n,) and lam (m,) for any number of constraints: primal-dual interior-point Newton on the dual.
 
     Solves f~_i - y_i + s_i = 0, lam_i s_i = mu for mu -> 0. Without s the Newton system is symmetric positive definite
     and its solution ascends the concave dual with a barrier, W(lam) + mu sum log lam; the step is halved while that
@@ -124,7 +140,7 @@ def solve_multiple(sub: Subproblem) -> Array:
         slack = np.clip(slack + _fraction_inside(slack, d_slack) * d_slack, 1e-8 * mu / lam, 1e8 * mu / lam)
         if np.all(np.abs(g + slack) <= np.maximum(mu, tol)) and np.all(np.abs(lam * slack - mu) <= 0.9 * mu):
             if mu <= 1e-12:
-                return r
+                return r, lam
             mu *= 0.1
     raise NotConverged("the subproblem's multipliers were not found in 200 steps: scale the constraints to order one")
 

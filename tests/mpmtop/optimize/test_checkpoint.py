@@ -11,7 +11,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mpmtop.optimize import GCMMA, MMA, CheckpointError, Iterate, UpdateRule, checkpoint, optimize
+from mpmtop.optimize import (
+    GCMMA,
+    MMA,
+    CheckpointError,
+    Iterate,
+    Stage,
+    UpdateRule,
+    checkpoint,
+    continuation,
+    optimize,
+)
 from tests.mpmtop.optimize.problems import ALL_RULES, Bars, Values, same
 from validation.studies.stability.interruption import design_problem
 
@@ -97,11 +107,47 @@ def test_a_foreign_checkpoint_is_refused(tmp_path: Path) -> None:
         (Bars(), MMA()),
         (Bars(), GCMMA(move=0.2)),
     ):
-        with pytest.raises(CheckpointError, match=r"(?s)another problem or update rule.*another file name"):
+        with pytest.raises(CheckpointError, match=r"(?s)another (problem|update rule).*another file name"):
             next(optimize(problem, rule, checkpoint=path))
     with pytest.raises(CheckpointError, match="the problem has changed"):
         next(optimize(Bars(c=np.linspace(0.1, 3, 30)), GCMMA(), checkpoint=path))
+    with pytest.raises(CheckpointError, match="from another start"):
+        next(optimize(Bars(), GCMMA(), start=0.3, checkpoint=path))
     assert path.read_bytes() == before
+    next(optimize(Bars(), GCMMA(), start=0.4 * (1 + 1e-14), checkpoint=path))  # another machine's rounding
+
+
+@pytest.mark.parametrize(("change", "refused"), [(1e-9, False), (1e-4, True)])
+def test_a_changed_objective_is_no_rounding(change: float, refused: bool, tmp_path: Path) -> None:
+    path = tmp_path / "run.npz"
+    list(islice(optimize(Bars(), GCMMA(), checkpoint=path), 3))
+    other = optimize(Bars(c=np.linspace(0.1, 2, 30) * (1 + change)), GCMMA(), checkpoint=path)
+    if refused:
+        with pytest.raises(CheckpointError, match="the problem has changed"):
+            next(other)
+    else:
+        assert next(other).iteration == 2
+
+
+def test_the_path_may_be_text(tmp_path: Path) -> None:
+    name = str(tmp_path / "run.npz")
+    list(optimize(Bars(), MMA(), checkpoint=name, max_iterations=2))
+    assert next(optimize(Bars(), MMA(), checkpoint=name)).iteration == 2
+
+
+@pytest.mark.parametrize("interrupted", [1, 4, 5, 6, 8])
+def test_resumed_stages_are_bit_identical(interrupted: int, tmp_path: Path) -> None:
+    """Killed within a stage, at its last iterate and at the next one's first: five iterates of each of three."""
+
+    def run(path: Path | None = None) -> Iterator[Iterate[Values]]:
+        stages = [Stage(Bars(c=k * np.linspace(0.1, 2, 30)), GCMMA(), max_iterations=4) for k in (1, 3, 9)]
+        return continuation(stages, start=0.3, checkpoint=path)
+
+    whole = list(run())
+    assert [i.stage for i in whole] == [0] * 5 + [1] * 5 + [2] * 5
+    path = tmp_path / "run.npz"
+    list(islice(run(path), interrupted + 1))
+    assert all(same(a, b) and a.stage == b.stage for a, b in zip(whole[interrupted:], run(path), strict=True))
 
 
 def test_a_damaged_checkpoint_is_refused(tmp_path: Path) -> None:

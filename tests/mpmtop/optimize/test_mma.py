@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from mpmtop.optimize import State
 from mpmtop.optimize.mma import approximate
@@ -44,3 +45,12 @@ def test_asymptotes_follow_the_signs_of_the_steps() -> None:
         extreme = replace(state, low=-half * one, upp=half * one)
         sub = approximate(problem, extreme, np.zeros(2), np.stack([one, one]), np.full(2, 0.1), move=0.3)
         assert limit in sub.sigma  # in ranges of the variables
+
+
+@pytest.mark.parametrize(("step", "factor"), [(1e-7, 0.7), (1e-11, 1.0)])
+def test_only_steps_above_rounding_move_an_asymptote(step: float, factor: float) -> None:
+    """A turn of 1e-7 of the range is the rule's own; one of 1e-11 is the rounding of the dual's solution."""
+    x, one = np.full(3, 0.5), np.ones(3)
+    state = State(x, x - step, x, x - 0.2, x + 0.2, np.zeros(2), iteration=2, scale=1.0)
+    sub = approximate(ripples(3), state, np.zeros(2), np.stack([one, one]), np.full(2, 0.1), move=0.3)
+    np.testing.assert_allclose(sub.sigma, factor * 0.2, rtol=1e-14)  # rounding

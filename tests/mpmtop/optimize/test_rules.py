@@ -94,3 +94,29 @@ def test_unusable_problems_are_refused() -> None:
             rule(move=0.0)
     with pytest.raises(ValueError, match="max_inner"):
         GCMMA(max_inner=0)
+
+
+@pytest.mark.parametrize("rule", RULES, ids=repr)
+def test_the_worst_of_two_cases_by_a_bound_variable(rule: UpdateRule) -> None:
+    """min z, f_k(x) - z <= 0 with bars under two mirrored loads, sum x <= 1, beside the symmetric optimum.
+
+    Both cases are active; by symmetry x = (a, b, a), 2a + b = 1, with f = (c1 + c3) / a + c2 / b least.
+    """
+    c = np.array([[1.0, 0.3, 0.2], [0.2, 0.3, 1.0]])
+    problem = Analytic(
+        lambda v: v[3],
+        lambda v: np.eye(4)[3],
+        lambda v: np.append((c / v[:3]).sum(axis=1) / v[3] - 1, v[:3].sum() - 1),
+        lambda v: np.vstack(
+            [np.column_stack([-c / v[:3] ** 2 / v[3], -(c / v[:3]).sum(axis=1) / v[3] ** 2]), [1, 1, 1, 0]]
+        ),
+        np.array([0.2, 0.5, 0.3, 10.0]),
+        np.array([0.01, 0.01, 0.01, 0.1]),
+        np.array([1.0, 1.0, 1.0, 100.0]),
+    )
+    _, history, _ = steps(problem, rule, 60)
+    a = np.sqrt(1.2 / 2) / (np.sqrt(2 * 1.2) + np.sqrt(0.3))
+    expected = 1.2 / a + 0.3 / (1 - 2 * a)
+    assert abs(history[-1].objective / expected - 1) <= 1e-4  # as asked; the rules are at 1e-6
+    np.testing.assert_allclose(history[-1].x[:3], [a, 1 - 2 * a, a], atol=1e-3)  # the optimum is flat
+    np.testing.assert_allclose(history[-1].constraints, 0, atol=1e-4)  # all are active

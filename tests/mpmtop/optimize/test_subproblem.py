@@ -8,7 +8,14 @@ from scipy.optimize import nnls
 
 from mpmtop.optimize import MMA, State, subproblem
 from mpmtop.optimize.mma import approximate
-from mpmtop.optimize.subproblem import PENALTY, Subproblem, approximation, solve_multiple, solve_single
+from mpmtop.optimize.subproblem import (
+    PENALTY,
+    Subproblem,
+    approximation,
+    solve_multiple,
+    solve_single,
+    solve_subproblem,
+)
 from mpmtop.scene import Array
 from tests.mpmtop.optimize.problems import Analytic, ripples, steps
 
@@ -40,7 +47,7 @@ def test_subproblem_solution_meets_the_kkt_conditions(n: int, m: int) -> None:
     violated = active = 0
     for _ in range(40):
         sub = random_subproblem(rng, n, m, violation=0.02)
-        r = solve_single(sub) if m == 1 else solve_multiple(sub)
+        r, _ = solve_single(sub) if m == 1 else solve_multiple(sub)
         assert np.all((sub.r_min <= r) & (r <= sub.r_max))
         y = approximation(sub, r)[1:]
         # rounding is 1e-12; the interior point leaves a slack of mu / lam = 1e-12 / lam: 1e-6 finds all that matter
@@ -69,7 +76,7 @@ def test_newton_and_interior_point_find_the_same_optimum(kind: str) -> None:
             if kind != "random":
                 shift = 2 * np.sum(np.abs(sub.p[1]) + np.abs(sub.q[1])) * 19  # f~_1 cannot change by more: r <= 19
                 sub = replace(sub, f=np.array([1.0, shift if kind == "infeasible" else -shift]))
-            newton, interior = penalised(sub, solve_single(sub)), penalised(sub, solve_multiple(sub))
+            newton, interior = penalised(sub, solve_single(sub)[0]), penalised(sub, solve_multiple(sub)[0])
             terms = 1 + np.sum(sub.p[0] + sub.q[0]) + PENALTY * abs(sub.f[1])
             # the barrier's gap is mu = 1e-12; both violations of the order 1e-12 cost a thousandfold
             assert abs(newton - interior) <= 1e-9 * terms
@@ -81,7 +88,7 @@ def test_degenerate_constraints() -> None:
     feasible = 0
     for _ in range(20):
         one = random_subproblem(rng, 40, 1, violation=0.02)
-        r = solve_single(one)
+        r, _ = solve_single(one)
         twice = replace(one, f=one.f[[0, 1, 1]], p=one.p[[0, 1, 1]], q=one.q[[0, 1, 1]])
         touching = replace(one, p=one.p[:, ::-1], q=one.q[:, ::-1])
         at_zero = approximation(replace(touching, f=np.zeros(2)), r)[1]
@@ -93,7 +100,7 @@ def test_degenerate_constraints() -> None:
         )
         best = penalised(one, r)
         for sub in (twice, extra):
-            f = approximation(sub, solve_multiple(sub))
+            f = approximation(sub, solve_multiple(sub)[0])
             if approximation(one, r)[1] <= 1e-9:  # else the price of one violation is paid twice
                 feasible += 1
                 assert np.max(f[1:]) <= 1e-9  # rounding
@@ -109,7 +116,25 @@ def test_a_violation_is_bought_only_above_the_penalty() -> None:
         df = np.array([[-slope], [1.0]])
         sub = approximate(replace(ripples(1), x0=x), state, np.array([1.0, 0.0]), df, np.full(2, 1e-6), move=0.3)
         for solve in (solve_single, solve_multiple):
-            assert (approximation(sub, solve(sub))[1] > 1e-3) == violated
+            assert (approximation(sub, solve(sub)[0])[1] > 1e-3) == violated
+
+
+@pytest.mark.parametrize("copies", [1, 2])
+@pytest.mark.parametrize(("slope", "growth"), [(2.1e3, 1.0), (1e9, 1.0), (1e17, 1.0), (1e-3, 1e-7)])
+def test_no_violation_is_bought_where_it_can_be_avoided(slope: float, growth: float, copies: int) -> None:
+    """min -slope x, growth x <= 0: multipliers far above the price, in the solver of one constraint and of several."""
+    x = np.full(1, 0.5)
+    state = State(x, x, x, x - 0.5, x + 0.5, np.zeros(1 + copies), iteration=0, scale=1.0)
+    df = np.array([[-slope], *[[growth]] * copies])
+    f = np.array([1.0, *[0.0] * copies])
+    sub = approximate(replace(ripples(1), x0=x), state, f, df, np.full(1 + copies, 1e-9), move=0.3)
+    solve = solve_single if copies == 1 else solve_multiple
+    assert approximation(sub, solve(sub)[0])[1] > 1e-8  # at a fixed price it is bought
+    assert approximation(sub, solve_subproblem(sub))[1] <= 1e-9  # as stated
+    out_of_reach = replace(sub, f=np.array([1.0, *[0.35] * copies]))  # within the limits it falls by no more than 0.3
+    r = solve_subproblem(out_of_reach)
+    best = approximation(out_of_reach, out_of_reach.r_min)[1]
+    assert approximation(out_of_reach, r)[1] <= best + 1e-9
 
 
 def test_many_parallel_constraints() -> None:
@@ -122,11 +147,11 @@ def test_many_parallel_constraints() -> None:
             one = replace(one, p=one.p * [[1e4], [1]], q=one.q * [[1e4], [1]])
             f, p, q = (np.concatenate([a[:1], np.multiply.outer(multiple, a[1])]) for a in (one.f, one.p, one.q))
             many = replace(one, f=f, p=p, q=q)
-            best = penalised(many, solve_multiple(many))
-            if approximation(one, solve_single(one))[1] <= 0:
+            best = penalised(many, solve_multiple(many)[0])
+            if approximation(one, solve_single(one)[0])[1] <= 0:
                 # the barrier's gap is m mu = 2e-11, and twenty violations of rounding size are priced a thousandfold
-                assert abs(best - penalised(one, solve_single(one))) <= 1e-7 * (1 + abs(best))
-            assert best <= penalised(many, solve_single(one)) + 1e-7 * (1 + abs(best))
+                assert abs(best - penalised(one, solve_single(one)[0])) <= 1e-7 * (1 + abs(best))
+            assert best <= penalised(many, solve_single(one)[0]) + 1e-7 * (1 + abs(best))
 
 
 def test_newton_needs_few_evaluations(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -23,9 +23,9 @@ from mpmtop.optimize import (
     OptimalityCriteria,
     SingleStepGCMMA,
     UpdateRule,
-    load_checkpoint,
     optimize,
 )
+from mpmtop.optimize.checkpoint import Run, load_checkpoint
 from mpmtop.problem import DesignProblem, Evaluation
 from mpmtop.scene import Array, NotConverged
 from validation.studies.stability.cases import FUNCTIONS, model_of
@@ -209,13 +209,13 @@ def resumed(end: Survival, *, must_be_hit: bool) -> Finding:
 
 
 @cache
-def checkpoint() -> tuple[bytes, str]:
+def checkpoint() -> tuple[bytes, Run]:
     """A whole checkpoint, and the run it belongs to."""
     problem, rule = design_problem(), MMA()
     with TemporaryDirectory() as folder:
         path = Path(folder) / "run.npz"
         last_of(optimize(problem, rule, checkpoint=path, max_iterations=3))
-        return path.read_bytes(), f"{problem.fingerprint}\n{rule!r}"
+        return path.read_bytes(), Run((problem.fingerprint,), (repr(rule),), problem.x0)
 
 
 def damaged(*, truncate: int = 0, flip: int | None = None, content: bytes | None = None) -> Finding:
@@ -231,10 +231,9 @@ def damaged(*, truncate: int = 0, flip: int | None = None, content: bytes | None
         path, other = Path(folder) / "run.npz", Path(folder) / "whole.npz"
         path.write_bytes(broken)
         other.write_bytes(whole)
-        state, objectives, solves = load_checkpoint(path, run)
-        expected = load_checkpoint(other, run)
-    same = all(np.array_equal(a, b) for a, b in zip(vars(state).values(), vars(expected[0]).values(), strict=True))
-    if not (same and (objectives, solves) == expected[1:]):
+        read, expected = (vars(load_checkpoint(file, run)) for file in (path, other))
+    states = vars(read.pop("state")), vars(expected.pop("state"))
+    if read != expected or not all(np.array_equal(states[0][name], states[1][name]) for name in states[1]):
         raise Wrong("a damaged checkpoint was read")
     return Finding(0.0)
 
