@@ -2,9 +2,10 @@
 
 import numpy as np
 
-from mpmtop.equilibrium import Equilibrium, Model
+from mpmtop.arrays import Array
+from mpmtop.equilibrium import Equilibrium
 from mpmtop.fields import Fields, Layout, fields, layout, rectangles, tensor
-from mpmtop.region import Array
+from mpmtop.model import Model
 
 
 @layout.register
@@ -39,7 +40,7 @@ def fields_at_points(model: Model, state: Equilibrium, rho: Array) -> Fields:
 
     sigma_zz = nu (sigma_xx + sigma_yy) in plane strain, eps_zz = -nu / (1 - nu) (eps_xx + eps_yy) in plane stress.
     """
-    where, material = layout_of_points(model), model.scene.material
+    where, material = layout_of_points(model), model.body.material
     nu, strained = material.poisson, material.plane == "strain"
     stress = model.stress(state.moduli, state.strain)
     tensor_strain = state.strain * [1, 1, 0.5]

@@ -20,9 +20,9 @@ from dataclasses import replace
 import numpy as np
 import scipy.sparse as sp
 
+from mpmtop.arrays import Array
 from mpmtop.grid import Grid
 from mpmtop.points import MaterialPoints
-from mpmtop.scene import Array
 from mpmtop.transfer import Transfer, located
 
 

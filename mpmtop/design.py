@@ -1,142 +1,68 @@
-"""Design: from the optimiser's variables to physical densities, and back for the gradient."""
+"""Design: what is sought in a body, and the law that makes stiffness of density."""
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
-import scipy.fft
-import scipy.sparse as sp
-from scipy.sparse.linalg import LinearOperator, aslinearoperator
-from scipy.spatial import KDTree
 
-from mpmtop.points import MaterialPoints
-from mpmtop.scene import Array, EmptyDomain, Index, InvalidScene, Mask, Scene
+from mpmtop.arrays import Array
+from mpmtop.errors import InvalidScene
+from mpmtop.region import Region
 
-BY_CONVOLUTION = 20_000
-"""Points from which the filter of a lattice is a convolution: its time and memory do not grow with the radius, and the
-sparse matrix takes 0.4 kB for each point at three spacings. Below, sums keep their order to the last bit."""
+DENSITY_ROUNDING = 1e-9  # what a filter's sums may leave outside 0 to 1; no density of a design is that small
 
 
-@dataclass(frozen=True, eq=False)
-class DesignSpace:
-    """Which of the points are passive, (p,) each: `solid` with density 1, `void` with density 0. The rest is active."""
+def physical_densities(rho: Array, count: int, of: str) -> Array:
+    """Densities rho (count,) of each `of`, a point or an element, without their rounding: in [0, 1], read-only.
 
-    solid: Mask
-    void: Mask
-
-    @cached_property
-    def active(self) -> Index:
-        """The points that are design variables, (a,)."""
-        return np.flatnonzero(~(self.solid | self.void))
-
-    @cached_property
-    def all_active(self) -> bool:
-        """Whether no point is passive."""
-        return len(self.active) == len(self.solid)
+    A power of -1e-12 is NaN, and a gradient is taken from them later. Raises ValueError for another shape, NaN or
+    densities outside 0 to 1 by more than rounding.
+    """
+    if np.shape(rho) != (count,):
+        raise ValueError(f"densities of shape {np.shape(rho)} for {count} {of}s: give one for each {of}")
+    if not np.all((rho >= -DENSITY_ROUNDING) & (rho <= 1 + DENSITY_ROUNDING)):  # NaN is neither
+        raise ValueError("densities outside 0 to 1: give physical densities")
+    rho = np.clip(rho, 0.0, 1.0)
+    rho.flags.writeable = False
+    return rho
 
 
-def design_space(scene: Scene, points: MaterialPoints) -> DesignSpace:
-    """The points in the scene's passive regions; InvalidScene where both claim one, EmptyDomain if no other is left."""
-    nowhere = np.zeros(len(points.x), dtype=bool)
-    regions = (scene.passive_solid, scene.passive_void)
-    solid, void = (nowhere if region is None else region.contains(points.x) for region in regions)
-    if np.any(solid & void):
-        raise InvalidScene(
-            f"{np.count_nonzero(solid & void)} points lie in both passive_solid and passive_void, the first at "
-            f"{points.x[solid & void][0]}: take one region out of the other (`Difference`)"
-        )
-    if np.all(solid | void):
-        raise EmptyDomain("every point is passive: shrink passive_solid or passive_void, or there is nothing to design")
-    return DesignSpace(solid, void)
+@dataclass(frozen=True)
+class Design:
+    """Densities rho of the domain, at most `volume_fraction` of it solid (Eq. 8).
 
+    They are those of the design after a density filter of radius `filter_radius` [length]; rho_min <= design <= 1. The
+    stiffness law is Eq. (10), E = E0 (contrast + rho^penal (1 - contrast)) with contrast = E_min / E0.
 
-@dataclass(frozen=True, eq=False)
-class DensityFilter:
-    """Density filter: rho_p = sum_q w_pq design_q / sum_q w_pq with w_pq = V_q max(0, r - |x_p - x_q|).
-
-    Source: Bruns and Tortorelli (2001), Comput. Methods Appl. Mech. Engrg 190:3443. Points are
-    weighted by volume, so that refining a part of the design grid does not shift the average.
-
-    Densities of passive points, and what they add to those of their neighbours, are the `offset` (p,); the matrix
-    (p, a) then has no entry in their rows. None stands for zero.
+    Passive parts of the domain are no design: `passive_solid` has density 1 throughout and `passive_void` density 0.
+    What is solid counts as volume; the fraction is of all of the domain that is not passive void.
     """
 
-    matrix: sp.csr_array | LinearOperator  # rows sum to one, but for what the offset holds
-    offset: Array | None = None
+    volume_fraction: float
+    filter_radius: float
+    penal: float = 3.0
+    contrast: float = 1e-9
+    rho_min: float = 1e-3
+    passive_solid: Region | None = None
+    passive_void: Region | None = None
 
-    def __call__(self, design: Array) -> Array:
-        """Physical densities (p,) of design variables (a,)."""
-        filtered = self.matrix @ design
-        return filtered if self.offset is None else filtered + self.offset
-
-    def adjoint(self, gradient: Array) -> Array:
-        """dJ/ddesign (a,) of dJ/drho (p,)."""
-        return self.matrix.T @ gradient
-
-
-def density_filter(points: MaterialPoints, radius: float) -> DensityFilter:
-    """Filter of the given radius [length] over the points' present positions."""
-    place = _lattice(points) if len(points.x) >= BY_CONVOLUTION else None
-    if place is not None:
-        return DensityFilter(_convolution(place, 2 * points.half_length[0], radius))
-    tree = KDTree(points.x)
-    pairs = tree.query_pairs(radius, output_type="ndarray")
-    p, q = np.concatenate([pairs, pairs[:, ::-1], np.arange(tree.n)[:, None].repeat(2, axis=1)]).T
-    weight = points.volume[q] * (radius - np.linalg.norm(points.x[p] - points.x[q], axis=1))
-    matrix = sp.csr_array((weight, (p, q)), shape=(tree.n, tree.n))
-    return DensityFilter(sp.csr_array(sp.diags_array(1 / matrix.sum(axis=1)) @ matrix))
-
-
-def _lattice(points: MaterialPoints) -> Index | None:
-    """Line numbers (p, 2) of equal points on a lattice of their own size, from 0 on; None for any others."""
-    spacing = 2 * points.half_length[0]
-    if np.ptp(points.half_length, axis=0).max() > 1e-9 * spacing.min() or np.ptp(points.volume) > 1e-9 * spacing.prod():
-        return None
-    place = (points.x - points.x.min(axis=0)) / spacing
-    line = np.rint(place).astype(np.intp)
-    # on none are points that were moved singly, several in one place, and few far between
-    cells = np.prod(line.max(axis=0) + 1)
-    on_lines = np.abs(place - line).max() < 1e-7 and cells <= 8 * len(line)
-    alone = on_lines and np.bincount(np.ravel_multi_index(line.T, line.max(axis=0) + 1)).max() == 1
-    return line if alone else None
-
-
-def _convolution(line: Index, spacing: Array, radius: float) -> LinearOperator:
-    """The filter's matrix (p, p) for equal points on the lines (p, 2) of a lattice, applied by fast Fourier transform:
-    its circle is long enough for no point to see another around it."""
-    reach = np.ceil(radius / spacing).astype(int)
-    circle = [scipy.fft.next_fast_len(int(n), real=True) for n in line.max(axis=0) + 1 + reach]
-    offset = np.meshgrid(*(np.arange(-r, r + 1) for r in reach), indexing="ij")
-    kernel = np.zeros(circle)
-    kernel[tuple(offset)] = np.maximum(0, radius - np.hypot(*(o * s for o, s in zip(offset, spacing, strict=True))))
-    spectrum = scipy.fft.rfft2(kernel)
-    i, j = line.T
-
-    def weighted_sum(at_points: Array) -> Array:
-        field = np.zeros(circle)
-        field[i, j] = at_points.ravel()
-        return scipy.fft.irfft2(scipy.fft.rfft2(field, overwrite_x=True) * spectrum, s=circle, overwrite_x=True)[i, j]
-
-    total = weighted_sum(np.ones(len(line)))
-    p = len(line)
-    return LinearOperator(
-        (p, p), matvec=lambda x: weighted_sum(x) / total, rmatvec=lambda g: weighted_sum(g.ravel() / total), dtype=float
-    )
-
-
-def passive_filter(points: MaterialPoints, radius: float, space: DesignSpace, *, over_passive: bool) -> DensityFilter:
-    """Filter from the active points (a,) to the densities of all (p,), those of passive points being fixed.
-
-    The average is taken over active neighbours only, as if the passive ones were absent; `over_passive` takes it over
-    all of them, passive densities included: rho_a = W_aa design + W_as 1.
-    """
-    active, solid = space.active, space.solid.astype(float)
-    p, a = len(solid), len(active)
-    into = sp.csr_array((np.ones(a), (active, np.arange(a))), shape=(p, a))
-    among = MaterialPoints(points.x[active], points.volume[active], points.half_length[active])
-    W = density_filter(points if over_passive else among, radius).matrix
-    offset = into @ (W @ solid)[active] + solid if over_passive else solid
-    if isinstance(W, LinearOperator):
-        spread = aslinearoperator(into)
-        return DensityFilter(spread @ (spread.T @ W @ spread if over_passive else W), offset)
-    return DensityFilter(sp.csr_array(into @ (W[active][:, active] if over_passive else W)), offset)
+    def __post_init__(self) -> None:
+        for name, region in (("passive_solid", self.passive_solid), ("passive_void", self.passive_void)):
+            if region is not None and not hasattr(region, "contains"):
+                raise InvalidScene(f"{name} {region!r}: give a region, or None")
+        if not 0 < self.volume_fraction <= 1:
+            raise InvalidScene(f"volume fraction {self.volume_fraction}: give a number above 0 and at most 1")
+        if not 0 < self.filter_radius < np.inf:
+            raise InvalidScene(
+                f"filter radius {self.filter_radius}: give a positive length "
+                "(one below the point spacing filters nothing)"
+            )
+        if not 0 <= self.rho_min < 1:
+            raise InvalidScene(f"rho_min {self.rho_min}: give a number from 0 to below 1")
+        if self.rho_min > self.volume_fraction:
+            raise InvalidScene(
+                f"rho_min {self.rho_min} exceeds the volume fraction {self.volume_fraction}: no design is feasible"
+            )
+        if not 0 <= self.contrast < 1:
+            raise InvalidScene(f"modulus contrast {self.contrast}: give a number from 0 to below 1")
+        if not 1 <= self.penal < np.inf:
+            raise InvalidScene(f"penalty {self.penal}: give a finite number of at least 1")

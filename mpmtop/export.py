@@ -9,11 +9,12 @@ from xml.etree import ElementTree
 import meshio
 import numpy as np
 
-from mpmtop.at_points import fields_at_points as fields_at_points  # known to `fields` from here on
-from mpmtop.equilibrium import Equilibrium, Model
+from mpmtop.arrays import Array
+from mpmtop.at_points import fields_at_points as fields_at_points
+from mpmtop.equilibrium import Equilibrium
 from mpmtop.fields import fields, von_mises, von_mises_in_plane
+from mpmtop.model import Model
 from mpmtop.points import MaterialPoints
-from mpmtop.region import Array
 
 VTK_ORDER = [0, 1, 3, 2]  # xx, yy, zz, xy of (xx, yy, xy, zz); yz and xz, which follow, are zero in a plane
 

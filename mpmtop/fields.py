@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from mpmtop.region import Array, Mask
+from mpmtop.arrays import Array, Mask
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,9 +22,9 @@ from math import isqrt
 import numpy as np
 import scipy.sparse as sp
 
+from mpmtop.arrays import Array, Index
 from mpmtop.grid import Grid
 from mpmtop.points import GAUSS_2, MaterialPoints
-from mpmtop.scene import Array, Index
 from mpmtop.shape_functions import ShapeFunction, gimp, tent
 from mpmtop.transfer import Transfer
 

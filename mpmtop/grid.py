@@ -5,7 +5,8 @@ from typing import Self
 
 import numpy as np
 
-from mpmtop.scene import Array, Index, PointOutsideGrid
+from mpmtop.arrays import Array, Index
+from mpmtop.errors import PointOutsideGrid
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from mpmtop.scene import Array, Material
+from mpmtop.arrays import Array
+from mpmtop.body import Material
 
 
 def tangent(material: Material) -> Array:

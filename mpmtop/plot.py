@@ -17,9 +17,10 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
+from mpmtop.arrays import Array
 from mpmtop.at_points import fields_at_points as fields_at_points  # known to `fields` from here on
 from mpmtop.fields import Fields, Layout, fields, layout, scalar
-from mpmtop.region import Array, Region
+from mpmtop.region import Region
 from mpmtop.scene import Scene
 
 if TYPE_CHECKING:
@@ -97,26 +98,26 @@ def scene(of: Scene, model: Any = None, ax: Axes | None = None) -> Axes:
     from matplotlib.patches import Patch
 
     ax = _axes(ax)
-    lower, upper = of.domain.bounds
+    lower, upper = of.body.domain.bounds
     sides = upper - lower
     handles: list[Any] = []
-    _region(ax, of.domain, of.domain, "0.88")
+    _region(ax, of.body.domain, of.body.domain, "0.88")
     for part, colour, label in (
-        (of.passive_solid, "0.45", "passive solid"),
-        (of.passive_void, "#f0e442", "passive void"),
+        (of.design.passive_solid, "0.45", "passive solid"),
+        (of.design.passive_void, "#f0e442", "passive void"),
     ):
         if part is not None:
-            _region(ax, part, of.domain, colour)
+            _region(ax, part, of.body.domain, colour)
             handles.append(Patch(color=colour, label=label))
     if model is None:
-        for support in of.supports:
-            _region(ax, support.region, of.domain, BLUE, reach=0.01)
+        for support in of.body.supports:
+            _region(ax, support.region, of.body.domain, BLUE, reach=0.01)
         handles.append(Patch(color=BLUE, label="support"))
     else:
         handles += _discretised(ax, layout(model))
     span = 0.18 * float(sides.max())
-    for load in of.loads:
-        at, force = _resultant(load, of.domain)
+    for load in of.body.loads:
+        at, force = _resultant(load, of.body.domain)
         tip = at + span * force / max(float(np.hypot(*force)), np.finfo(float).tiny)
         ax.annotate(
             "",

@@ -4,8 +4,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mpmtop.region import divisions
-from mpmtop.scene import Array, EmptyDomain, Region
+from mpmtop.arrays import Array
+from mpmtop.errors import EmptyDomain
+from mpmtop.region import Region, divisions
 
 GAUSS_2 = 1 / np.sqrt(3)
 """Abscissae of the two-point Gauss rule are -+GAUSS_2 on [-1, 1]."""

@@ -1,19 +1,26 @@
-"""The optimisation problem of Eq. (8) for a discretised scene: design -> filter -> SIMP -> equilibrium -> objective."""
+"""The optimisation problem of Eq. (8) on a model: design -> filter -> SIMP -> equilibrium -> objective."""
 
 import hashlib
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import LinearOperator
 
-from mpmtop.design import DensityFilter, DesignSpace, density_filter, design_space, passive_filter
-from mpmtop.equilibrium import Equilibrium, Model, equilibrium
+from mpmtop.arrays import Array
+from mpmtop.design import Design, physical_densities
+from mpmtop.equilibrium import Equilibrium, equilibrium
+from mpmtop.errors import InvalidScene, LoadOutsideBody
+from mpmtop.filter import DensityFilter, DesignSpace, density_filter, design_space, passive_filter
+from mpmtop.loads import PointLoad
 from mpmtop.material import simp
+from mpmtop.model import Model, discretise
 from mpmtop.objectives import Objective, objective
 from mpmtop.points import MaterialPoints
-from mpmtop.scene import Array, InvalidScene, LoadOutsideBody, PointLoad, physical_densities
+from mpmtop.scene import Compliance, PNormStress, Scene, check_together
+from mpmtop.shape_functions import ShapeFunction, tent
 from mpmtop.solvers import MAX_ITERATIONS, MultigridCG
 from mpmtop.stiffness import CellMap
 
@@ -35,10 +42,12 @@ class Evaluation:
 
 @dataclass(frozen=True, eq=False)
 class DesignProblem:
-    """Minimise the scene's objective subject to sum V_p rho_p <= V* sum V_p over one design variable for each point.
+    """Minimise `objective` subject to sum V_p rho_p <= V* sum V_p over one variable of the `design` for each point.
+
+    An iterative solver is held to its own tolerance, or to the objective's where that is tighter.
 
     The filter measures distances on the design grid: `design_grid`, or the model's points where they have not been
-    moved off it. There, too, points are in the scene's passive regions or not. Those that are have density 1 or 0 and
+    moved off it. There, too, points are in the design's passive regions or not. Those that are have density 1 or 0 and
     leave the design vector: a variables are left for p points. Passive solid counts in the first sum; the second one is
     over all points that are not passive void. The filter passes over passive points as if they were absent, or with
     `filter_passive` averages their densities with the others. Raises InvalidScene, EmptyDomain or LoadOutsideBody where
@@ -46,10 +55,13 @@ class DesignProblem:
     """
 
     model: Model
+    design: Design
+    objective: Compliance | PNormStress = field(default_factory=Compliance)
     design_grid: MaterialPoints | None = None
     filter_passive: bool = False
 
     def __post_init__(self) -> None:
+        check_together(self.model.body, self.design, self.objective)
         if self.design_grid is not None and len(self.design_grid.x) != len(self.model.points.x):
             raise ValueError(
                 f"design grid of {len(self.design_grid.x)} points for a model of {len(self.model.points.x)}: "
@@ -59,14 +71,14 @@ class DesignProblem:
             self._check_passive()
 
     def _check_passive(self) -> None:
-        scene, void = self.model.scene, np.flatnonzero(self.space.void)
+        design, void = self.design, np.flatnonzero(self.space.void)
         least = self._volume_weight @ self.filter(self.lower)
         if least > 1 + 1e-12:  # its rounding
             raise InvalidScene(
-                f"passive solid, with rho_min elsewhere, is {least * scene.volume_fraction:.4f} of the volume and "
-                f"volume_fraction {scene.volume_fraction}: raise it, or shrink passive_solid"
+                f"passive solid, with rho_min elsewhere, is {least * design.volume_fraction:.4f} of the volume and "
+                f"volume_fraction {design.volume_fraction}: raise it, or shrink passive_solid"
             )
-        for load in scene.loads:
+        for load in self.model.body.loads:
             if isinstance(load, PointLoad) and load.points == 0:
                 continue  # no point carries it, and the scene has looked at its position
             carriers, _ = load.shares(self.model.points.x, 1e-9 * min(self.model.grid.h))
@@ -80,12 +92,12 @@ class DesignProblem:
     @cached_property
     def space(self) -> DesignSpace:
         """Which points are passive, and which are design variables."""
-        return design_space(self.model.scene, self._grid_points)
+        return design_space(self.design, self._grid_points)
 
     @cached_property
     def filter(self) -> DensityFilter:
-        """The density filter of the scene's radius, from a variables to p densities."""
-        radius = self.model.scene.filter_radius
+        """The density filter of the design's radius, from a variables to p densities."""
+        radius = self.design.filter_radius
         if self.space.all_active:
             return density_filter(self._grid_points, radius)
         return passive_filter(self._grid_points, radius, self.space, over_passive=self.filter_passive)
@@ -98,26 +110,26 @@ class DesignProblem:
     @property
     def filter_radius(self) -> float:
         """Radius of the density filter [length]."""
-        return self.model.scene.filter_radius
+        return self.design.filter_radius
 
     @cached_property
-    def objective(self) -> Objective:
-        """The objective of the scene."""
-        return objective(self.model.scene)
+    def functional(self) -> Objective:
+        """Value and gradient of the objective."""
+        return objective(self.objective)
 
     @cached_property
     def x0(self) -> Array:
         """The paper's start: the volume fraction everywhere, (a,). Beside passive points, what meets the constraint."""
-        scene, a = self.model.scene, len(self.space.active)
+        a = len(self.space.active)
         if self.space.all_active:
-            return np.full(a, scene.volume_fraction)
+            return np.full(a, self.design.volume_fraction)
         passive, full = (self._volume_weight @ self.filter(x) for x in (np.zeros(a), np.ones(a)))
-        return np.full(a, np.clip((1 - passive) / (full - passive), scene.rho_min, 1))
+        return np.full(a, np.clip((1 - passive) / (full - passive), self.design.rho_min, 1))
 
     @cached_property
     def lower(self) -> Array:
         """rho_min everywhere, (a,)."""
-        return np.full(len(self.space.active), self.model.scene.rho_min)
+        return np.full(len(self.space.active), self.design.rho_min)
 
     @cached_property
     def upper(self) -> Array:
@@ -127,7 +139,7 @@ class DesignProblem:
     @cached_property
     def _volume_weight(self) -> Array:
         volume = self.model.points.volume
-        return volume / (self.model.scene.volume_fraction * volume[~self.space.void].sum())
+        return volume / (self.design.volume_fraction * volume[~self.space.void].sum())
 
     @cached_property
     def _volume_gradient(self) -> Array:
@@ -141,9 +153,9 @@ class DesignProblem:
 
         An operator that is no sparse matrix is known by what it makes of a vector of random numbers.
         """
-        model, scene = self.model, self.model.scene
-        law = (scene.material.young, scene.penal, scene.contrast, scene.volume_fraction, scene.rho_min)
-        digest = hashlib.sha256(repr((scene.objective, *map(float, law))).encode())
+        model, design = self.model, self.design
+        law = (model.body.material.young, design.penal, design.contrast, design.volume_fraction, design.rho_min)
+        digest = hashlib.sha256(repr((self.objective, *map(float, law))).encode())
         operators = (*model.stiffness.maps, self.filter.matrix, model.transfer.B)
         # passive points are empty rows of the filter, void where its offset is zero
         passive = () if self.filter.offset is None else (self.filter.offset,)
@@ -154,12 +166,11 @@ class DesignProblem:
 
     def analyse(self, rho: Array) -> Evaluation:
         """Evaluate physical densities rho (p,) in [0, 1], of whatever origin, at passive points, too: one solve."""
-        scene = self.model.scene
         rho = physical_densities(rho, len(self.model.points.volume), "point")
-        moduli = scene.material.young * simp(rho, scene.penal, scene.contrast)[0]
-        state = equilibrium(self.model, moduli)
+        moduli = self.model.body.material.young * simp(rho, self.design.penal, self.design.contrast)[0]
+        state = equilibrium(self.model, moduli, tol=min(self.model.solver.tolerance, self.functional.tolerance))
         constraints = np.array([self._volume_weight @ rho - 1])
-        return Evaluation(self.objective.value(self.model, state, rho), constraints, rho, state)
+        return Evaluation(self.functional.value(self.model, state, rho), constraints, rho, state)
 
     def evaluate(self, design: Array) -> Evaluation:
         """Value only, of a design (a,): one solve."""
@@ -172,15 +183,30 @@ class DesignProblem:
 
     def density_gradient(self, evaluation: Evaluation) -> Array:
         """dJ/drho (p,), by the physical densities."""
-        scene = self.model.scene
-        by_rho, by_moduli = self.objective.gradient(self.model, evaluation.state, evaluation.rho)
-        return by_rho + by_moduli * scene.material.young * simp(evaluation.rho, scene.penal, scene.contrast)[1]
+        by_rho, by_moduli = self.functional.gradient(self.model, evaluation.state, evaluation.rho)
+        slope = simp(evaluation.rho, self.design.penal, self.design.contrast)[1]
+        return by_rho + by_moduli * self.model.body.material.young * slope
 
 
 def _numbers(operator: sp.csr_array | CellMap | LinearOperator) -> tuple[Array, ...]:
     if isinstance(operator, sp.csr_array):
         return operator.data, operator.indices, operator.indptr
     return (operator @ np.random.default_rng(0).random(operator.shape[1]),)
+
+
+def design_problem(
+    scene: Scene,
+    h: float | tuple[float, float],
+    ppc: int | tuple[int, int] = 2,
+    shape_function: ShapeFunction = tent,
+    *,
+    design_grid: MaterialPoints | None = None,
+    filter_passive: bool = False,
+    **how: Any,
+) -> DesignProblem:
+    """The scene's problem on cells of size h with ppc points per cell and direction; `how` as for `discretise`."""
+    model = discretise(scene.body, h, ppc, shape_function, **how)
+    return DesignProblem(model, scene.design, scene.objective, design_grid, filter_passive)
 
 
 def plan(problem: DesignProblem) -> str:
@@ -202,11 +228,11 @@ def plan(problem: DesignProblem) -> str:
         f"ghost faces: {_ghost_plan(model)}",
         f"stiffness: {len(model.stiffness.row)} entries of the lower triangle, {_stiffness_plan(model)}",
         f"solver: {_solver_plan(model)}",
-        "Newton: one step, the scene is linear; the tangent of a further one would be the same",
+        "solves: one for a design, and one more for each step of iterative refinement where rounding calls for it",
         "adjoint solve: one, with the factorisation of the state"
-        if problem.objective.solves
+        if problem.functional.solves
         else "adjoint solve: skipped, compliance is self-adjoint",
-        "stresses: at every point" if problem.objective.solves else "stresses: skipped, the objective needs none",
+        "stresses: at every point" if problem.functional.solves else "stresses: skipped, the objective needs none",
         f"filter: {_filter_plan(problem)}",
     ]
     return "\n".join(lines)

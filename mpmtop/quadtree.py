@@ -17,8 +17,10 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 
+from mpmtop.arrays import Array, Index, Mask
+from mpmtop.errors import EmptyDomain, InvalidScene, PointOutsideGrid
 from mpmtop.points import MaterialPoints, seed
-from mpmtop.scene import Array, EmptyDomain, Index, InvalidScene, Mask, PointOutsideGrid, Region
+from mpmtop.region import Region
 
 CHILDREN = np.array([(0, 0), (0, 1), (1, 0), (1, 1)], dtype=np.intp)
 EDGES = np.array([(1, 0), (-1, 0), (0, 1), (0, -1)], dtype=np.intp)

@@ -9,16 +9,9 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
-Index = npt.NDArray[np.intp]
-Mask = npt.NDArray[np.bool_]
-
-
-class InvalidScene(ValueError):
-    """A number of the scene is outside its admissible range; the message says which and what to change."""
-
+from mpmtop.arrays import Array, Index, Mask
+from mpmtop.errors import InvalidScene
 
 DIVIDES = 1e-6
 """Of a side: a length typed to seven digits (0.1428571) divides it. The lattice then takes the exact one."""

@@ -17,7 +17,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from mpmtop.scene import Array, Index
+from mpmtop.arrays import Array, Index
 
 
 class Stencil(NamedTuple):

@@ -13,10 +13,10 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 
+from mpmtop.arrays import Array, Index, Mask
 from mpmtop.ghost import GhostPenalty
 from mpmtop.grid import Grid
 from mpmtop.points import MaterialPoints
-from mpmtop.scene import Array, Index, Mask
 from mpmtop.transfer import Transfer
 
 BY_CELL = 20_000
@@ -77,13 +77,15 @@ class Stiffness:
     """Lower triangle of K in the numbering of the unknowns.
 
     `dof` (m,) is the degree of freedom (2 node + component, see `Transfer`) of each unknown; `row` >= `col` (nnz,) the
-    pattern, exact zeros included, sorted by column; `maps` turn moduli (p,) into entries (nnz,), which add up.
+    pattern, exact zeros included, sorted by column; `maps` turn moduli (p,) into entries (nnz,), which add up. `D`
+    (3, 3) is the tangent at unit modulus that they were made of.
     """
 
     dof: Index
     row: Index
     col: Index
     maps: tuple[sp.csr_array | CellMap, ...]
+    D: Array
 
     def data(self, moduli: Array) -> Array:
         """Entries (nnz,) of the lower triangle for point moduli (p,)."""
@@ -134,7 +136,7 @@ def stiffness(
         else:
             maps = (_among(both, key, part) + faces,)
         key = both
-    return Stiffness(dof, key % m, key // m, maps)
+    return Stiffness(dof, key % m, key // m, maps, D)
 
 
 def _point_map(

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
+from mpmtop.arrays import Array, Index, Mask
 from mpmtop.grid import Grid
 from mpmtop.points import MaterialPoints
-from mpmtop.scene import Array, Index, Mask
 from mpmtop.shape_functions import ShapeFunction
 
 

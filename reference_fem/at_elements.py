@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from mpmtop.arrays import Array
 from mpmtop.fields import Fields, Layout, fields, layout, tensor
-from mpmtop.region import Array
 from reference_fem.elasticity import FemModel, State, strain_operator, stress
 
 
@@ -31,7 +31,7 @@ def layout_of_elements(model: FemModel) -> Layout:
 def fields_at_elements(model: FemModel, state: State, rho: Array) -> Fields:
     """Fields at the elements' centres, and displacements of their corners."""
     where, basis, u = layout_of_elements(model), model.basis, state.u
-    nu, strained = model.material.poisson, model.material.plane == "strain"
+    nu, strained = model.body.material.poisson, model.body.material.plane == "strain"
     strain = (strain_operator(model) @ u).reshape(-1, 3) * [1, 1, 0.5]
     trace = strain[:, 0] + strain[:, 1]
     element = basis.element_dofs.T

@@ -1,4 +1,4 @@
-"""Supports and loads of a scene on a finite element mesh."""
+"""Supports and loads of a body on a finite element mesh."""
 
 from collections.abc import Callable
 
@@ -8,21 +8,26 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 from skfem import CellBasis, MeshQuad
 
-from mpmtop.scene import Array, Index, LoadOutsideBody, Mask, Scene, UnsupportedBody
+from mpmtop.arrays import Array, Index, Mask
+from mpmtop.body import Support
+from mpmtop.errors import LoadOutsideBody, UnsupportedBody
 from reference_fem.mesh import GEOMETRY_TOLERANCE, corner_jacobians, element_centres, element_sides, shortest_side
 
 Locate = Callable[[CellBasis, Array], tuple[Index, Array]]
 
 
-def held_dofs(scene: Scene, basis: CellBasis, tol: float) -> Mask:
+def held_dofs(supports: tuple[Support, ...], basis: CellBasis, tol: float) -> Mask:
     """Which of the dofs (N,) the supports hold. Raises UnsupportedBody if they leave a part of the body free."""
     components = basis.split_indices()
     x = basis.doflocs.T
     held = np.zeros(basis.N, bool)
-    for support in scene.supports:
+    for support in supports:
         inside = support.region.contains(x, tol)
         if not inside.any():
-            raise UnsupportedBody(f"a support of {scene.name!r} holds no node: move or enlarge it to reach the mesh")
+            lower, upper = support.region.bounds
+            raise UnsupportedBody(
+                f"the support from {lower} to {upper} holds no node: move or enlarge it to reach the mesh"
+            )
         for dofs, fixed in zip(components, support.fixed, strict=True):
             held[dofs] |= fixed & inside[dofs]
     _check_rigid_motions(basis, held)

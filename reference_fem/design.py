@@ -6,7 +6,9 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.spatial import cKDTree
 
-from mpmtop.scene import Array, EmptyDomain, Index, InvalidScene, Mask, Scene
+from mpmtop.arrays import Array, Index, Mask
+from mpmtop.design import Design
+from mpmtop.errors import EmptyDomain, InvalidScene
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,8 +28,8 @@ class DesignSpace:
     fixed: Array
 
 
-def design_space(scene: Scene, centres: Array, area: Array, filter_passive: bool) -> DesignSpace:
-    """Design space of elements at centres (e, 2), passive where these lie in the scene's passive regions.
+def design_space(design: Design, centres: Array, area: Array, filter_passive: bool) -> DesignSpace:
+    """Design space of elements at centres (e, 2), passive where these lie in the passive regions.
 
     The filter averages active elements only, as if the passive ones were absent; with `filter_passive` all elements
     of the body, passive densities included. Raises InvalidScene where both regions claim an element and EmptyDomain
@@ -35,11 +37,11 @@ def design_space(scene: Scene, centres: Array, area: Array, filter_passive: bool
     """
     solid, void = (
         np.zeros(len(centres), bool) if region is None else region.contains(centres)
-        for region in (scene.passive_solid, scene.passive_void)
+        for region in (design.passive_solid, design.passive_void)
     )
     for name, region, held in (
-        ("passive_solid", scene.passive_solid, solid),
-        ("passive_void", scene.passive_void, void),
+        ("passive_solid", design.passive_solid, solid),
+        ("passive_void", design.passive_void, void),
     ):
         if region is not None and not held.any():
             raise InvalidScene(f"{name} holds no element's centre: enlarge it, or use smaller elements")
@@ -55,11 +57,11 @@ def design_space(scene: Scene, centres: Array, area: Array, filter_passive: bool
     active = np.flatnonzero(~passive)
     fixed = solid.astype(float)
     if filter_passive:
-        whole = density_filter(centres, area, scene.filter_radius)
+        whole = density_filter(centres, area, design.filter_radius)
         fixed[active] = whole[active] @ fixed
         H = whole[active][:, active]
     else:
-        H = density_filter(centres[active], area[active], scene.filter_radius)
+        H = density_filter(centres[active], area[active], design.filter_radius)
     if passive.any():
         H = sp.csr_matrix(sp.identity(len(centres), format="csc")[:, active] @ H)
     return DesignSpace(solid, void, active, H, fixed)

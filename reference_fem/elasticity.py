@@ -14,7 +14,9 @@ from skfem.helpers import sym_grad
 from skfem.models.elasticity import linear_elasticity, linear_stress
 from skfem.quadrature import get_quadrature
 
-from mpmtop.scene import Array, Index, InvalidScene, LoadOutsideBody, Material, NotConverged, Scene
+from mpmtop.arrays import Array, Index
+from mpmtop.body import Body, Material
+from mpmtop.errors import InvalidScene, LoadOutsideBody, NotConverged
 from reference_fem.boundary import held_dofs, locate_in_lattice, locate_in_mesh, nodal_forces
 from reference_fem.factorise import Factorise, Solve, choose_elimination, minimum_degree_superlu
 from reference_fem.mesh import (
@@ -56,7 +58,7 @@ class StiffnessMap:
 
 @dataclass(frozen=True, eq=False)
 class FemModel:
-    """A scene cut into quads: e elements with d dofs each, N dofs of which n are free.
+    """A body cut into quads: e elements with d dofs each, N dofs of which n are free.
 
     basis       scikit-fem basis whose only quadrature point is the element centre
     centres     (e, 2) element centres [length]
@@ -67,7 +69,7 @@ class FemModel:
     f_ext       (N,) load vector [force]
     """
 
-    material: Material
+    body: Body
     basis: CellBasis
     centres: Array
     area: Array
@@ -93,28 +95,29 @@ class State:
 
 
 def discretise(
-    scene: Scene, size: float | tuple[float, float] | None = None, order: int = 1, *, mesh: MeshQuad | None = None
+    body: Body, size: float | tuple[float, float] | None = None, order: int = 1, *, mesh: MeshQuad | None = None
 ) -> FemModel:
     """Quads of side `size` over the bounding box of the domain, those whose centre is in the domain kept; or a `mesh`.
 
     order 1 is the bilinear element, 2 the biquadratic one. Loads act through the basis at the positions that
-    `load.act` chooses among the element centres. A mesh of straight-sided quads is taken as it is, for the body of the
-    scene. Raises EmptyDomain, InvalidScene (size does not divide the sides; quads that are not convex or lie outside
+    `load.act` chooses among the element centres. A mesh of straight-sided quads is taken as it is, for the body.
+    Raises EmptyDomain, InvalidScene (size does not divide the sides; quads that are not convex or lie outside
     the domain), LoadOutsideBody and UnsupportedBody.
     """
     if (size is None) == (mesh is None):
         raise InvalidScene("elements: give their size or a mesh, one of the two")
     if mesh is None:
-        mesh, locate, eliminate = domain_lattice(scene, np.broadcast_to(np.asarray(size, float), 2)), *ON_LATTICE
+        mesh, locate, eliminate = domain_lattice(body.domain, np.broadcast_to(np.asarray(size, float), 2)), *ON_LATTICE
     else:
-        check_mesh(scene, mesh)
+        check_mesh(body.domain, mesh)
         locate, eliminate = ON_ANY_MESH
     basis = vector_basis(mesh, order)
     centres, tol = element_centres(mesh), GEOMETRY_TOLERANCE * shortest_side(mesh)
-    positions, forces = zip(*(load.act(centres, tol) for load in scene.loads), strict=True)
-    force = np.concatenate(forces)
-    model = fem_model(scene, basis, nodal_forces(basis, np.concatenate(positions), force, locate), eliminate)
-    if not np.any(np.abs(model.f_ext[model.free]) > LOAD_ROUNDING * np.abs(force).sum()):
+    none = np.empty((0, 2)), np.empty((0, 2))
+    acts = zip(none, *(load.act(centres, tol) for load in body.loads), strict=True)
+    positions, forces = (np.concatenate(part) for part in acts)
+    model = fem_model(body, basis, nodal_forces(basis, positions, forces, locate), eliminate)
+    if body.loads and not np.any(np.abs(model.f_ext[model.free]) > LOAD_ROUNDING * np.abs(forces).sum()):
         raise LoadOutsideBody(
             "the loads act on held nodes only, are zero or cancel each other, and do no work: move them away from the "
             "supports, or change their forces"
@@ -139,16 +142,16 @@ ON_LATTICE = locate_in_lattice, lattice_elimination
 ON_ANY_MESH = locate_in_mesh, minimum_degree_elimination
 
 
-def fem_model(scene: Scene, basis: CellBasis, f_ext: Array, eliminate: Eliminate = lattice_elimination) -> FemModel:
-    """Model of the scene's supports and material on a basis over quads, under the load vector f_ext (N,)."""
-    held = held_dofs(scene, basis, GEOMETRY_TOLERANCE * shortest_side(basis.mesh))
+def fem_model(body: Body, basis: CellBasis, f_ext: Array, eliminate: Eliminate = lattice_elimination) -> FemModel:
+    """Model of the body's supports and material on a basis over quads, under the load vector f_ext (N,)."""
+    held = held_dofs(body.supports, basis, GEOMETRY_TOLERANCE * shortest_side(basis.mesh))
     unordered = np.flatnonzero(~held)
     order, factorise = eliminate(basis, unordered)
     free = unordered[order]
-    matrices, shape = unit_stiffness(basis, scene.material)
+    matrices, shape = unit_stiffness(basis, body.material)
     dofs = _numbering(basis.N, free)[basis.element_dofs.T]
     return FemModel(
-        material=scene.material,
+        body=body,
         basis=basis,
         centres=element_centres(basis.mesh),
         area=basis.dx.sum(axis=1),
@@ -274,8 +277,8 @@ def stress(model: FemModel, u: Array, young: Array, reference: Array = ELEMENT_C
     nu (sigma_xx + sigma_yy) in plane strain and zero in plane stress.
     """
     basis = _basis_at(model, reference)
-    plane = linear_stress(*_lame(model.material))(sym_grad(basis.interpolate(u))) * young[:, None]
-    zz = model.material.poisson * (plane[0, 0] + plane[1, 1]) * (model.material.plane == "strain")
+    plane = linear_stress(*_lame(model.body.material))(sym_grad(basis.interpolate(u))) * young[:, None]
+    zz = model.body.material.poisson * (plane[0, 0] + plane[1, 1]) * (model.body.material.plane == "strain")
     return np.stack([plane[0, 0], plane[1, 1], plane[0, 1], zz], axis=-1)
 
 

@@ -7,7 +7,8 @@ import scipy.linalg
 import scipy.sparse as sp
 import scipy.sparse.linalg
 
-from mpmtop.scene import Array, Index, UnsupportedBody
+from mpmtop.arrays import Array, Index
+from mpmtop.errors import UnsupportedBody
 
 Solve = Callable[[Array], Array]
 Factorise = Callable[[sp.csc_matrix], Solve]

@@ -3,7 +3,8 @@
 import numpy as np
 from skfem import MeshQuad
 
-from mpmtop.scene import Array, Index, InvalidScene
+from mpmtop.arrays import Array, Index
+from mpmtop.errors import InvalidScene
 from reference_fem.mesh import GEOMETRY_TOLERANCE, element_centres, element_sides, lattice
 
 

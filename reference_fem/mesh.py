@@ -3,8 +3,9 @@
 import numpy as np
 from skfem import CellBasis, ElementQuad1, ElementQuad2, ElementVector, MeshQuad
 
-from mpmtop.region import divisions
-from mpmtop.scene import Array, EmptyDomain, InvalidScene, Scene
+from mpmtop.arrays import Array
+from mpmtop.errors import EmptyDomain, InvalidScene
+from mpmtop.region import Region, divisions
 
 GEOMETRY_TOLERANCE = 1e-9  # of the element size: far above rounding, far below any feature
 ELEMENT_CENTRE = np.array([[0.5], [0.5]])  # reference coordinates (2, 1)
@@ -44,16 +45,16 @@ def corner_jacobians(mesh: MeshQuad) -> Array:
     return ax * by - ay * bx
 
 
-def domain_lattice(scene: Scene, size: Array) -> MeshQuad:
+def domain_lattice(domain: Region, size: Array) -> MeshQuad:
     """Lattice quads of side `size` (2,) whose centre is in the domain; EmptyDomain if there is none."""
-    mesh = lattice(scene.domain.bounds, size)
-    keep = scene.domain.contains(element_centres(mesh))
+    mesh = lattice(domain.bounds, size)
+    keep = domain.contains(element_centres(mesh))
     if not keep.any():
-        raise EmptyDomain(f"no element of size {size} has its centre in the domain of {scene.name!r}: use smaller ones")
+        raise EmptyDomain(f"no element of size {size} has its centre in the domain: use smaller ones")
     return mesh.restrict(np.flatnonzero(keep))
 
 
-def check_mesh(scene: Scene, mesh: MeshQuad) -> None:
+def check_mesh(domain: Region, mesh: MeshQuad) -> None:
     """Raise InvalidScene if quads of the mesh are not convex, or lie outside the domain by more than a chord may."""
     jacobians, centres = corner_jacobians(mesh), element_centres(mesh)
     folded = jacobians.min(axis=0) * jacobians.max(axis=0) <= 0
@@ -62,11 +63,11 @@ def check_mesh(scene: Scene, mesh: MeshQuad) -> None:
             f"{np.count_nonzero(folded)} of {len(folded)} quads of the mesh are not convex, the first at "
             f"{centres[folded][0]}: move their nodes"
         )
-    outside = ~scene.domain.contains(centres, shortest_side(mesh))  # chords cut into a curved edge
+    outside = ~domain.contains(centres, shortest_side(mesh))  # chords cut into a curved edge
     if outside.any():
         raise InvalidScene(
-            f"{np.count_nonzero(outside)} of {len(outside)} quads of the mesh lie outside the domain of "
-            f"{scene.name!r}, the first at {centres[outside][0]}: mesh the domain, or change it"
+            f"{np.count_nonzero(outside)} of {len(outside)} quads of the mesh lie outside the domain, "
+            f"the first at {centres[outside][0]}: mesh the domain, or change it"
         )
 
 

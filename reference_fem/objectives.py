@@ -12,7 +12,8 @@ from typing import Literal, NamedTuple
 import numpy as np
 import scipy.sparse as sp
 
-from mpmtop.scene import Array, Compliance, PNormStress, Scene
+from mpmtop.arrays import Array
+from mpmtop.scene import Compliance, PNormStress
 from reference_fem.elasticity import FemModel, gauss_points, strain_operator, von_mises_factor
 from reference_fem.factorise import Solve
 from reference_fem.mesh import ELEMENT_CENTRE
@@ -35,9 +36,9 @@ class Objective(NamedTuple):
     gradient: Callable[[Array, Array, Solve], tuple[Array, Array]]
 
 
-def objective(scene: Scene, model: FemModel, stress_at: StressPosition) -> Objective:
-    """The scene's objective on a model; a p-norm takes stresses at `stress_at` of every element."""
-    match scene.objective:
+def objective(stated: Compliance | PNormStress, model: FemModel, stress_at: StressPosition) -> Objective:
+    """What is stated, on a model; a p-norm takes stresses at `stress_at` of every element."""
+    match stated:
         case Compliance():
             return compliance(model)
         case PNormStress(p, q):
@@ -64,7 +65,9 @@ def p_norm_stress(model: FemModel, p: float, q: float, reference: Array) -> Obje
     """
     positions = reference.shape[1]
     points = len(model.area) * positions
-    T = sp.csr_matrix(sp.kron(sp.eye(points), von_mises_factor(model.material)) @ strain_operator(model, reference))
+    T = sp.csr_matrix(
+        sp.kron(sp.eye(points), von_mises_factor(model.body.material)) @ strain_operator(model, reference)
+    )
 
     def solid(u: Array) -> tuple[Array, Array]:
         """t (e, g, 3) and vm (e, g)."""

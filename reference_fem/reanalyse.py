@@ -10,17 +10,11 @@ import numpy as np
 from scipy.spatial import cKDTree
 from skfem import CellBasis
 
-from mpmtop.scene import (
-    Array,
-    EmptyDomain,
-    Index,
-    InvalidScene,
-    LoadOutsideBody,
-    PNormStress,
-    PointLoad,
-    Scene,
-    physical_densities,
-)
+from mpmtop.arrays import Array, Index
+from mpmtop.design import Design, physical_densities
+from mpmtop.errors import EmptyDomain, InvalidScene, LoadOutsideBody
+from mpmtop.loads import PointLoad, RegionLoad
+from mpmtop.scene import Compliance, PNormStress, Scene
 from reference_fem.boundary import nodal_forces
 from reference_fem.elasticity import FemModel, fem_model, solve, stress, von_mises
 from reference_fem.mesh import GEOMETRY_TOLERANCE, element_centres, element_sides, lattice, vector_basis
@@ -51,17 +45,18 @@ class JudgedStress:
 
 @dataclass(frozen=True, eq=False)
 class Judge:
-    """A scene's finite element model over p points, ready for any number of designs; owner (e,) of each element."""
+    """A finite element model over p points, ready for any number of designs of one law; owner (e,) of each element."""
 
-    scene: Scene
     model: FemModel
+    design: Design
+    objective: Compliance | PNormStress
     owner: Index
     points: int
 
     def __call__(self, rho: Array) -> Judgement:
         """Analyse the physical densities rho (p,) in [0, 1] of the points: one factorisation, one solve."""
         rho = physical_densities(rho, self.points, "point")
-        u = solve(self.model, simp(rho, self.scene)[0][self.owner])
+        u = solve(self.model, simp(rho, self.model.body.material, self.design)[0][self.owner])
         return Judgement(float(self.model.f_ext @ u), len(self.model.free), len(self.owner), u)
 
 
@@ -85,7 +80,7 @@ def build_judge(scene: Scene, x: Array, half_length: Array, split: int = 2, orde
     """
     if split < 1:
         raise InvalidScene(f"split {split}: give 1 or more elements along each point's side")
-    full = lattice(scene.domain.bounds, 2 * half_length.min(axis=0) / split)
+    full = lattice(scene.body.domain.bounds, 2 * half_length.min(axis=0) / split)
     owner = owners(element_centres(full), x, half_length)
     owned = np.flatnonzero(owner >= 0)
     if len(owned) == 0:
@@ -93,7 +88,8 @@ def build_judge(scene: Scene, x: Array, half_length: Array, split: int = 2, orde
             f"no point's rectangle lies in the domain of {scene.name!r}: check positions and half-lengths"
         )
     basis = vector_basis(full.restrict(owned), order)
-    return Judge(scene, fem_model(scene, basis, _load(scene, basis, x, owner[owned])), owner[owned], len(x))
+    model = fem_model(scene.body, basis, _load(scene.body.loads, basis, x, owner[owned]))
+    return Judge(model, scene.design, scene.objective, owner[owned], len(x))
 
 
 def judge_stress(judge: Judge, rho: Array, judgement: Judgement) -> JudgedStress:
@@ -104,8 +100,8 @@ def judge_stress(judge: Judge, rho: Array, judgement: Judgement) -> JudgedStress
     scene's `PNormStress`, or its defaults if the scene has another objective.
     """
     rho = physical_densities(rho, judge.points, "point")
-    measure = judge.scene.objective if isinstance(judge.scene.objective, PNormStress) else PNormStress()
-    solid = np.full(len(judge.owner), judge.scene.material.young)
+    measure = judge.objective if isinstance(judge.objective, PNormStress) else PNormStress()
+    solid = np.full(len(judge.owner), judge.model.body.material.young)
     s = rho[judge.owner] ** measure.q * von_mises(stress(judge.model, judgement.u, solid))[:, 0]
     weight = 1 / np.bincount(judge.owner)[judge.owner]
     return JudgedStress(s, p_norm(s, measure.p, weight), float(s.max()))
@@ -125,12 +121,12 @@ def owners(cells: Array, x: Array, half_length: Array) -> Index:
     return owner
 
 
-def _load(scene: Scene, basis: CellBasis, x: Array, owner: Index) -> Array:
-    """Load vector (N,) of the scene's loads on points x (p, 2), spread over the elements `owner` (e,) gives them."""
+def _load(loads: tuple[PointLoad | RegionLoad, ...], basis: CellBasis, x: Array, owner: Index) -> Array:
+    """Load vector (N,) of loads on points x (p, 2), spread over the elements `owner` (e,) gives them."""
     sides = element_sides(basis.mesh)
     f = np.zeros(basis.N)
     force = np.zeros_like(x)
-    for load in scene.loads:
+    for load in loads:
         at, part = load.act(x, GEOMETRY_TOLERANCE * float(sides.min()))
         if isinstance(load, PointLoad) and load.points == 0:
             f += nodal_forces(basis, at, part)

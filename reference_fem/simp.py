@@ -1,7 +1,7 @@
 """Density-based optimisation on a finite element model: design, SIMP, objective and gradient."""
 
 import hashlib
-from dataclasses import astuple, dataclass
+from dataclasses import astuple, dataclass, field
 from functools import cached_property
 from typing import Literal, get_args
 
@@ -10,8 +10,13 @@ import scipy.sparse as sp
 from scipy.spatial import cKDTree
 from skfem import MeshQuad
 
-from mpmtop.scene import Array, InvalidScene, LoadOutsideBody, Mask, PointLoad, Scene, physical_densities
-from reference_fem import at_elements as at_elements  # which says to `mpmtop.fields` what a FemModel looks like
+from mpmtop.arrays import Array, Mask
+from mpmtop.body import Material
+from mpmtop.design import Design, physical_densities
+from mpmtop.errors import InvalidScene, LoadOutsideBody
+from mpmtop.loads import PointLoad
+from mpmtop.scene import Compliance, PNormStress, Scene, check_together
+from reference_fem import at_elements as at_elements
 from reference_fem.design import DesignSpace, design_space
 from reference_fem.elasticity import FemModel, State, discretise, inverse_stiffness, unit_work
 from reference_fem.mesh import GEOMETRY_TOLERANCE, shortest_side
@@ -39,12 +44,12 @@ class Evaluation:
 
 @dataclass(frozen=True, eq=False)
 class DesignProblem:
-    """Minimise the scene's objective over the design (a,) at a volume of at most `volume_fraction` of the body.
+    """Minimise `objective` over the `design` (a,) at a volume of at most `volume_fraction` of the body.
 
     rho = H design + fixed, E = E(rho) by SIMP, K(E) u = f, g = sum(area rho) / (volume_fraction sum(area)) - 1 <= 0.
     A stress objective takes stresses at the element centres or the Gauss points.
 
-    Elements in the scene's passive regions have density 1 or 0 and leave the design: a variables for e elements. Solid
+    Elements in passive regions have density 1 or 0 and leave the design: a variables for e elements. Solid
     ones count in the first sum, void ones in neither. The filter takes passive elements as absent, or averages them
     with the others (`filter_passive`). Raises InvalidScene, EmptyDomain or LoadOutsideBody where passive regions
     leave no feasible design, none at all, or a load without material.
@@ -53,13 +58,15 @@ class DesignProblem:
     derivative instead: df0_j = sum_i H_ji x_i dJ/drho_i / max(1e-3, x_j), the derivative of no function.
     """
 
-    scene: Scene
     model: FemModel
+    design: Design
+    objective: Compliance | PNormStress = field(default_factory=Compliance)
     stress_at: StressPosition = "centre"
     filter_passive: bool = False
     filtered: Filtered = "density"
 
     def __post_init__(self) -> None:
+        check_together(self.model.body, self.design, self.objective)
         if self.filtered not in get_args(Filtered):
             raise InvalidScene(f"filtered {self.filtered!r}: say one of {', '.join(get_args(Filtered))}")
         if self.filtered == "sensitivity" and self.filter_passive:
@@ -68,17 +75,17 @@ class DesignProblem:
             raise InvalidScene(f"stress at {self.stress_at!r}: say one of {', '.join(STRESS_POSITIONS)}")
         least = self.model.area @ (self.H @ self.lower + self.space.fixed) / self._volume_bound
         if least > 1 + VOLUME_ROUNDING:
-            fraction = self.scene.volume_fraction
+            fraction = self.design.volume_fraction
             raise InvalidScene(
                 f"passive solid, with rho_min elsewhere, is {least * fraction:.4f} of the volume and volume_fraction "
                 f"{fraction}: raise it, or shrink passive_solid"
             )
-        _check_loads(self.scene, self.model, self.space.void)
+        _check_loads(self.model, self.space.void)
 
     @cached_property
     def space(self) -> DesignSpace:
         """Which elements are design variables, and the filter."""
-        return design_space(self.scene, self.model.centres, self.model.area, self.filter_passive)
+        return design_space(self.design, self.model.centres, self.model.area, self.filter_passive)
 
     @property
     def H(self) -> sp.csr_matrix:
@@ -93,27 +100,27 @@ class DesignProblem:
     @property
     def filter_radius(self) -> float:
         """Radius of the filter [length]."""
-        return self.scene.filter_radius
+        return self.design.filter_radius
 
     @cached_property
-    def objective(self) -> Objective:
-        """The objective of the scene."""
-        return objective(self.scene, self.model, self.stress_at)
+    def functional(self) -> Objective:
+        """Value and gradient of the objective."""
+        return objective(self.objective, self.model, self.stress_at)
 
     @property
     def x0(self) -> Array:
         """Uniform design (a,) that meets the volume constraint: the volume fraction if nothing is passive."""
         a = len(self.space.active)
         if a == len(self.model.area):
-            return np.full(a, self.scene.volume_fraction)
+            return np.full(a, self.design.volume_fraction)
         area = self.model.area
         uniform = (self._volume_bound - area @ self.space.fixed) / (area @ (self.H @ np.ones(a)))
-        return np.full(a, np.clip(uniform, self.scene.rho_min, 1))
+        return np.full(a, np.clip(uniform, self.design.rho_min, 1))
 
     @property
     def lower(self) -> Array:
         """rho_min everywhere (a,)."""
-        return np.full(len(self.space.active), self.scene.rho_min)
+        return np.full(len(self.space.active), self.design.rho_min)
 
     @property
     def upper(self) -> Array:
@@ -122,7 +129,7 @@ class DesignProblem:
 
     @cached_property
     def _volume_bound(self) -> float:
-        return self.scene.volume_fraction * self.model.area[~self.space.void].sum()
+        return self.design.volume_fraction * self.model.area[~self.space.void].sum()
 
     @property
     def fingerprint(self) -> str:
@@ -130,14 +137,14 @@ class DesignProblem:
 
         None of them is a sum that a BLAS may order as it likes: they are the same on every machine.
         """
-        scene, model, space, law = self.scene, self.model, self.space, self.scene.objective
+        model, space, material, design = self.model, self.space, self.model.body.material, self.design
         numbers = (
-            *(scene.material.young, scene.material.poisson, scene.penal, scene.contrast),
-            *(scene.volume_fraction, scene.rho_min, *astuple(law)),
+            *(material.young, material.poisson, design.penal, design.contrast),
+            *(design.volume_fraction, design.rho_min, *astuple(self.objective)),
         )
         said = (
-            type(law).__name__,
-            scene.material.plane,
+            type(self.objective).__name__,
+            material.plane,
             model.basis.Nbfun,
             self.stress_at,
             self.filtered,
@@ -161,11 +168,11 @@ class DesignProblem:
     def analyse(self, rho: Array) -> Evaluation:
         """Objective and constraint of physical densities rho (e,) in [0, 1], of any origin, passive ones included."""
         rho = physical_densities(rho, len(self.model.area), "element")
-        moduli = simp(rho, self.scene)[0]
+        moduli = simp(rho, self.model.body.material, self.design)[0]
         inverse = inverse_stiffness(self.model, moduli)
         u = inverse(self.model.f_ext)
         volume = self.model.area @ rho / self._volume_bound
-        return Evaluation(self.objective.value(rho, u), np.array([volume - 1]), rho, State(moduli, u, inverse))
+        return Evaluation(self.functional.value(rho, u), np.array([volume - 1]), rho, State(moduli, u, inverse))
 
     def gradient(self, evaluation: Evaluation) -> tuple[Array, Array]:
         """Derivatives by the design: df0 = H^T dJ/drho (a,) and dg (1, a); no further factorisation."""
@@ -181,17 +188,17 @@ class DesignProblem:
     def density_gradient(self, evaluation: Evaluation) -> Array:
         """dJ/drho (e,) by the physical densities: explicit part - dE/drho lambda_e . k_e u_e; one solve for stress."""
         rho, u = evaluation.rho, evaluation.u
-        by_rho, adjoint = self.objective.gradient(rho, u, evaluation.state.solve)
-        return by_rho - simp(rho, self.scene)[1] * unit_work(self.model, adjoint, u)
+        by_rho, adjoint = self.functional.gradient(rho, u, evaluation.state.solve)
+        return by_rho - simp(rho, self.model.body.material, self.design)[1] * unit_work(self.model, adjoint, u)
 
 
-def _check_loads(scene: Scene, model: FemModel, void: Mask) -> None:
+def _check_loads(model: FemModel, void: Mask) -> None:
     """Raise LoadOutsideBody if a load acts at the centre of an element of passive void (e,)."""
     if not void.any():
         return
     tol = GEOMETRY_TOLERANCE * shortest_side(model.basis.mesh)
     centres = cKDTree(model.centres[void])
-    for load in scene.loads:
+    for load in model.body.loads:
         if isinstance(load, PointLoad) and load.points == 0:
             continue  # no element carries it, and the scene has looked at its position
         if np.any(centres.query(load.act(model.centres, tol)[0])[0] <= tol):
@@ -214,11 +221,12 @@ def design_problem(
     each density as for each material point, or at the Gauss points, averaged in the p-norm; every element counts once,
     whatever its size. Raises as `discretise` and `DesignProblem`.
     """
-    return DesignProblem(scene, discretise(scene, size, order, mesh=mesh), stress_at, filter_passive, filtered)
+    model = discretise(scene.body, size, order, mesh=mesh)
+    return DesignProblem(model, scene.design, scene.objective, stress_at, filter_passive, filtered)
 
 
-def simp(rho: Array, scene: Scene) -> tuple[Array, Array]:
+def simp(rho: Array, material: Material, design: Design) -> tuple[Array, Array]:
     """Modified SIMP, Eq. (10): E = E0 (contrast + rho^penal (1 - contrast)) and dE/drho, both (e,), for rho (e,)."""
-    solid = scene.material.young * (1 - scene.contrast)
-    young = scene.material.young * scene.contrast + solid * rho**scene.penal
-    return young, solid * scene.penal * rho ** (scene.penal - 1)
+    solid = material.young * (1 - design.contrast)
+    young = material.young * design.contrast + solid * rho**design.penal
+    return young, solid * design.penal * rho ** (design.penal - 1)

@@ -17,13 +17,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mpmtop.arrays import Array
+from mpmtop.errors import UnsupportedBody
 from mpmtop.large_deformation.assembly import factorised
 from mpmtop.large_deformation.kinematics import Weights, pull_back, stretched_pull_back
 from mpmtop.large_deformation.law import tangent
 from mpmtop.large_deformation.model import Model
 from mpmtop.large_deformation.step import Problem, State, operators
 from mpmtop.large_deformation.steps import Trajectory
-from mpmtop.scene import Array, UnsupportedBody
 from mpmtop.solvers.pattern import SingularMatrix
 
 

@@ -11,9 +11,9 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
+from mpmtop.arrays import Array, Index
 from mpmtop.grid import Grid
 from mpmtop.large_deformation.kinematics import Weights
-from mpmtop.scene import Array, Index
 from mpmtop.solvers.pattern import SingularMatrix, Solve
 
 PIVOT = 1e-3

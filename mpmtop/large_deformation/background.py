@@ -14,8 +14,8 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
+from mpmtop.arrays import Array, Index, Mask
 from mpmtop.grid import Grid
-from mpmtop.scene import Array, Index, Mask
 
 SYMMETRIC = {"SymmetricMode": True, "DiagPivotThresh": 0.0}
 """SuperLU, told that the diagonal serves as pivots, as it does of what is symmetric and positive definite."""

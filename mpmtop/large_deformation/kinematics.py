@@ -9,9 +9,10 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
+from mpmtop.arrays import Array, Index, Mask
+from mpmtop.errors import PointOutsideGrid
 from mpmtop.grid import Grid
 from mpmtop.large_deformation.law import cofactor, jacobian
-from mpmtop.scene import Array, Index, Mask, PointOutsideGrid
 from mpmtop.shape_functions import ShapeFunction, bspline2, tent
 
 Domains = Literal["fixed", "stretched"]

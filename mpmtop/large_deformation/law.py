@@ -15,7 +15,8 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from mpmtop.scene import Array, InvalidScene
+from mpmtop.arrays import Array
+from mpmtop.errors import InvalidScene
 
 SERIES_BELOW = 0.05
 """sinh^2 of half the difference of the logarithmic principal stretches up to which a series replaces the closed form:

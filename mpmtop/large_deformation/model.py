@@ -21,22 +21,15 @@ from typing import Literal
 
 import numpy as np
 
+from mpmtop.arrays import Array, Index, Mask
+from mpmtop.body import Body
+from mpmtop.errors import InvalidScene, LoadOutsideBody, UnsupportedBody
 from mpmtop.grid import Grid
 from mpmtop.large_deformation.background import Background, background
 from mpmtop.large_deformation.kinematics import Domains
 from mpmtop.large_deformation.law import Hencky, Law
+from mpmtop.loads import PointLoad, RegionLoad
 from mpmtop.points import MaterialPoints, seed
-from mpmtop.scene import (
-    Array,
-    Index,
-    InvalidScene,
-    LoadOutsideBody,
-    Mask,
-    PointLoad,
-    RegionLoad,
-    Scene,
-    UnsupportedBody,
-)
 from mpmtop.shape_functions import ShapeFunction, bspline2, gimp, tent
 
 Frame = Literal["updated", "total"]
@@ -75,7 +68,7 @@ class Model:
 
 
 def discretise(
-    body: Scene,
+    body: Body,
     h: float | tuple[float, float],
     ppc: int | tuple[int, int] = 2,
     shape_function: ShapeFunction = gimp,
@@ -117,7 +110,7 @@ def discretise(
 
 
 def _refuse(
-    body: Scene, shape_function: ShapeFunction, steps: int, frame: str, domains: str, alpha: float, law: Law | None
+    body: Body, shape_function: ShapeFunction, steps: int, frame: str, domains: str, alpha: float, law: Law | None
 ) -> None:
     if shape_function not in (tent, gimp, bspline2):
         raise InvalidScene(f"large deformation with {shape_function.__name__}: use tent, gimp or bspline2")
@@ -146,7 +139,7 @@ def _refuse(
             )
 
 
-def _forces(body: Scene, grid: Grid, points: MaterialPoints) -> Array:
+def _forces(body: Body, grid: Grid, points: MaterialPoints) -> Array:
     force = np.zeros_like(points.x)
     for load in body.loads:
         carriers, share = load.shares(points.x, 1e-9 * min(grid.h))
@@ -156,7 +149,7 @@ def _forces(body: Scene, grid: Grid, points: MaterialPoints) -> Array:
     return force
 
 
-def _unknowns(body: Scene, grid: Grid, shape_function: ShapeFunction) -> tuple[Index, Array]:
+def _unknowns(body: Body, grid: Grid, shape_function: ShapeFunction) -> tuple[Index, Array]:
     """Unknown and sign of every degree of freedom of the box, see `Model`.
 
     A B-spline is not zero where one line of nodes is: its supports hold the nodes beyond the domain's box, too, whose

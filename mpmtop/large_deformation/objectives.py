@@ -7,11 +7,13 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from mpmtop.arrays import Array
+from mpmtop.errors import InvalidScene
 from mpmtop.large_deformation.adjoint import Seed, moduli_gradient
 from mpmtop.large_deformation.law import von_mises
 from mpmtop.large_deformation.model import Model
 from mpmtop.large_deformation.steps import Trajectory
-from mpmtop.scene import Array, InvalidScene, Region
+from mpmtop.region import Region
 
 
 class PathObjective(Protocol):

@@ -5,11 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
+from mpmtop.arrays import Array, Index, Mask
+from mpmtop.errors import NotConverged, UnsupportedBody
 from mpmtop.large_deformation.assembly import Assembly, assembly, factorised, scatter
 from mpmtop.large_deformation.kinematics import Weights, stretched, weights
 from mpmtop.large_deformation.law import jacobian, stress, tangent
 from mpmtop.large_deformation.model import Model
-from mpmtop.scene import Array, Index, Mask, NotConverged, UnsupportedBody
 from mpmtop.solvers.pattern import SingularMatrix, Solve
 
 TOLERANCE = 1e-11

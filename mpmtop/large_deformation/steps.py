@@ -4,9 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mpmtop.arrays import Array
+from mpmtop.errors import LoadOutsideBody, NotConverged, PointOutsideGrid, UnsupportedBody
 from mpmtop.large_deformation.model import Model
 from mpmtop.large_deformation.step import TOLERANCE, Increment, State, increment, moved, start
-from mpmtop.scene import Array, LoadOutsideBody, NotConverged, PointOutsideGrid, UnsupportedBody
 
 CARRIES = 1e-6
 """Part of the stiffest point's modulus below which points carry no load: they would leave the body with it."""

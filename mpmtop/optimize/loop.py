@@ -15,6 +15,7 @@ from typing import Any, Generic, Literal
 
 import numpy as np
 
+from mpmtop.arrays import Array
 from mpmtop.optimize.checkpoint import (
     RESUMED_OBJECTIVE_RTOL,
     CheckpointError,
@@ -27,7 +28,6 @@ from mpmtop.optimize.protocols import E, Problem, State, UpdateRule
 from mpmtop.optimize.start import Start, carried, check_levels, starting_design
 from mpmtop.optimize.state import checked_start, initial_state
 from mpmtop.optimize.stopping import PAPER_RULE, History, StoppingRule
-from mpmtop.scene import Array
 
 FEASIBLE = 1e-3
 """The largest constraint of a converged design, constraints being of order one: a thousandth of the limit. The

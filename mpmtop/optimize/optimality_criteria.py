@@ -6,10 +6,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import brentq
 
+from mpmtop.arrays import Array
 from mpmtop.optimize.protocols import E, Problem, State
 from mpmtop.optimize.state import check_move, scaled_functions, scaled_values
 from mpmtop.optimize.subproblem import SMALLEST
-from mpmtop.scene import Array
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Protocol, TypeVar
 
-from mpmtop.scene import Array
+from mpmtop.arrays import Array
 
 
 class Evaluation(Protocol):

@@ -6,8 +6,8 @@ from typing import Any, Protocol
 import numpy as np
 from scipy.spatial import KDTree
 
+from mpmtop.arrays import Array
 from mpmtop.optimize.protocols import E, Problem
-from mpmtop.scene import Array
 
 RESOLVED = 1.5
 """Spacings in a filter radius, at least: with one neighbour to each side in the average a coarse design has the fine

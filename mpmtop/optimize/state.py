@@ -4,9 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from mpmtop.arrays import Array
+from mpmtop.errors import NotConverged
 from mpmtop.optimize.protocols import E, Evaluation, Problem, State
 from mpmtop.optimize.subproblem import SMALLEST
-from mpmtop.scene import Array, NotConverged
 
 LEAST_SLOPE = 1e-3
 """Of the scaled objective, by its linear part from corner to corner of the bounds: below, the curvature that plain MMA

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mpmtop.scene import Array
+from mpmtop.arrays import Array
 
 
 @dataclass(frozen=True, eq=False)

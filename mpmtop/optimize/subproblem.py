@@ -12,7 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
-from mpmtop.scene import Array, NotConverged
+from mpmtop.arrays import Array
+from mpmtop.errors import NotConverged
 
 PENALTY = 1000.0  # c of the artificial variables
 VIOLATION_TOL = 1e-9  # the largest violation that may be bought: ten times what the dual leaves of a constraint

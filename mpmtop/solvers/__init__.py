@@ -6,14 +6,13 @@ systems and falls back on sparse Cholesky where it does not converge. `SuperLU` 
 """
 
 from mpmtop.solvers.banded import BandedCholesky
-from mpmtop.solvers.multigrid_cg import MAX_ITERATIONS, STRESS_TOLERANCE, MultigridCG
+from mpmtop.solvers.multigrid_cg import MAX_ITERATIONS, MultigridCG
 from mpmtop.solvers.pattern import Lattice, Pattern, SingularMatrix, Solve, Solver
 from mpmtop.solvers.sparse_cholesky import SparseCholesky
 from mpmtop.solvers.superlu import SuperLU
 
 __all__ = [
     "MAX_ITERATIONS",
-    "STRESS_TOLERANCE",
     "BandedCholesky",
     "Lattice",
     "MultigridCG",
@@ -34,8 +33,8 @@ MULTIGRID_FROM = 100_000
 three cells); an adjoint, for which a direct solver pays next to nothing, moves it up."""
 
 
-def choose_solver(pattern: Pattern, tolerance: float = MultigridCG.tolerance) -> Solver:
-    """The solver measured fastest for the size; `tolerance` is for iterative ones."""
+def choose_solver(pattern: Pattern) -> Solver:
+    """The solver measured fastest for the size."""
     if pattern.m >= MULTIGRID_FROM and pattern.lattice is not None:
-        return MultigridCG(pattern, tolerance)
+        return MultigridCG(pattern)
     return BandedCholesky(pattern) if pattern.m < SPARSE_FROM else SparseCholesky(pattern)

@@ -11,7 +11,7 @@ from typing import ClassVar
 import numpy as np
 from scipy.linalg.lapack import dpbtrf, dpbtrs
 
-from mpmtop.scene import Array, Index
+from mpmtop.arrays import Array, Index
 from mpmtop.solvers.checked import checked_factor
 from mpmtop.solvers.pattern import Pattern, SingularMatrix, Solve
 
@@ -32,7 +32,7 @@ class BandedCholesky:
     def _position(self) -> Index:
         return self.pattern.col * (self.bandwidth + 1) + self.pattern.row - self.pattern.col
 
-    def factor(self, data: Array) -> Solve:
+    def factor(self, data: Array, tolerance: float | None = None) -> Solve:
         """Factorise; SingularMatrix if a pivot is not positive."""
         flat = np.zeros(self.pattern.m * (self.bandwidth + 1))
         flat[self._position] = data

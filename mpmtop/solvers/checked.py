@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from mpmtop.scene import Array
+from mpmtop.arrays import Array
 from mpmtop.solvers.pattern import SingularMatrix, Solve
 
 SINGULAR = 1e-14

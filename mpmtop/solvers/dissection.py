@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mpmtop.scene import Array, Index
+from mpmtop.arrays import Array, Index
 
 
 class Fronts(NamedTuple):

@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 import scipy.sparse as sp
 
-from mpmtop.scene import Array, Index
+from mpmtop.arrays import Array, Index
 from mpmtop.solvers.pattern import Lattice, Pattern, Solve
 from mpmtop.solvers.sparse_cholesky import SparseCholesky
 from mpmtop.solvers.stencil import Blocks

@@ -7,15 +7,13 @@ from functools import cached_property, partial
 import numpy as np
 from scipy.linalg import eigh
 
-from mpmtop.scene import Array, Index
+from mpmtop.arrays import Array, Index
 from mpmtop.solvers.checked import SINGULAR
 from mpmtop.solvers.multigrid import COARSEST, Coarsest, Cycle, Step, coarsening, coarsest_of, v_cycle
 from mpmtop.solvers.pattern import Lattice, Pattern, SingularMatrix, Solve
 from mpmtop.solvers.sparse_cholesky import SparseCholesky
 from mpmtop.solvers.stencil import Blocks, Places, assembled, places, rigid_motions
 
-STRESS_TOLERANCE = 1e-8
-"""Of MultigridCG for objectives of stress: keeps them to 1e-6 over ten iterations (20,000 points, p = 12)."""
 MAX_ITERATIONS = 40
 """Of conjugate gradients, before the direct solver takes over: about what a factorisation costs, so that a solve takes
 at most twice as long as with the better of the two."""
@@ -27,7 +25,8 @@ class MultigridCG:
 
     They start from zero, so that a solution depends on K and b alone. An optimisation for compliance does not see more
     of it than `tolerance`: the gradient is off by about a seventh of it, compliance by its square. A p-norm of stress
-    is off by the tolerance itself, and its optimisation multiplies that by ten in a few iterations: STRESS_TOLERANCE.
+    is off by the tolerance itself, and its optimisation multiplies that by ten in a few iterations: such an
+    objective asks for another one.
     Limits: a mechanism that the load does not move goes unseen, unless the whole body moves; the solution is right but
     for it. A piece that hangs on void alone is displaced by what residual is left on it over the void's stiffness: its
     place is known to fewer digits than the objectives, in which it hardly counts.
@@ -61,7 +60,7 @@ class MultigridCG:
     def _direct(self) -> SparseCholesky:
         return SparseCholesky(self.pattern)
 
-    def factor(self, data: Array) -> Solve:
+    def factor(self, data: Array, tolerance: float | None = None) -> Solve:
         """Set up the hierarchy of one K; SingularMatrix if a diagonal entry is not positive.
 
         Where the iteration does not converge in MAX_ITERATIONS the function returned factors K by sparse Cholesky, once
@@ -76,7 +75,8 @@ class MultigridCG:
             cycle = v_cycle(K, self._steps, self._coarsest)
         except SingularMatrix:  # coarser than the mechanism, which the direct solver names
             return self._direct.factor(data)
-        return IteratedSolve(K, cycle, self._places.unknown, self.tolerance, partial(self._direct.factor, data))
+        tolerance = self.tolerance if tolerance is None else tolerance
+        return IteratedSolve(K, cycle, self._places.unknown, tolerance, partial(self._direct.factor, data))
 
     def _check_rigid_motions(self, K: Blocks) -> None:
         """SingularMatrix if the whole body can move: under a load that does not move it, the iteration converges."""

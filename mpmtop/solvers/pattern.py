@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
-from mpmtop.scene import Array, Index
+from mpmtop.arrays import Array, Index
 
 Solve = Callable[[Array], Array]
 """Solves K x = b for b (m,) or (m, k)."""
@@ -39,12 +39,13 @@ class SingularMatrix(ArithmeticError):
 
 
 class Solver(Protocol):
-    """A solver bound to a pattern: `factor` takes the lower triangle's entries."""
+    """A solver bound to a pattern: `factor` takes the lower triangle's entries, and the tolerance of an
+    iterative one."""
 
     @property
     def tolerance(self) -> float:
-        """|b - K x| / |b| that a solution x is held to."""
+        """|b - K x| / |b| that a solution x is held to unless asked for another one."""
 
-    def factor(self, data: Array) -> Solve:
+    def factor(self, data: Array, tolerance: float | None = None) -> Solve:
         """Factorise; SingularMatrix if a pivot is not positive."""
         ...

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.linalg.blas import dsyrk, dtrsm, dtrsv
 from scipy.linalg.lapack import dpotrf
 
-from mpmtop.scene import Array, Index
+from mpmtop.arrays import Array, Index
 from mpmtop.solvers.checked import checked_factor
 from mpmtop.solvers.dissection import Fronts, dissect
 from mpmtop.solvers.pattern import Pattern, SingularMatrix, Solve
@@ -75,7 +75,7 @@ class SparseCholesky:
         pair = np.unique((np.minimum(one, other) * n + np.maximum(one, other))[one != other])
         return _analysis(pattern, node, dissect(position[first], *np.divmod(pair, n), LEAF))
 
-    def factor(self, data: Array) -> Solve:
+    def factor(self, data: Array, tolerance: float | None = None) -> Solve:
         """Factorise; SingularMatrix if a pivot is not positive."""
         solve, pivot, diagonal = self.unchecked(data)
         return checked_factor(solve, diagonal, pivot / diagonal)

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 import scipy.sparse as sp
 
-from mpmtop.scene import Array, Index
+from mpmtop.arrays import Array, Index
 from mpmtop.solvers.pattern import Lattice
 
 INTERPOLATION = ((-1, 0.5), (0, 1.0), (1, 0.5))

@@ -7,7 +7,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
-from mpmtop.scene import Array
+from mpmtop.arrays import Array
 from mpmtop.solvers.checked import checked_factor
 from mpmtop.solvers.pattern import Pattern, SingularMatrix, Solve
 
@@ -24,7 +24,7 @@ class SuperLU:
     pattern: Pattern
     tolerance: ClassVar[float] = 1e-9
 
-    def factor(self, data: Array) -> Solve:
+    def factor(self, data: Array, tolerance: float | None = None) -> Solve:
         """Factorise; SingularMatrix if a pivot is zero to rounding."""
         K = _symmetric(self.pattern, data)
         diagonal = K.diagonal()

@@ -3,10 +3,12 @@
 import numpy as np
 import pytest
 
-from mpmtop.equilibrium import discretise
+from mpmtop.body import Body, Support
 from mpmtop.grid import Grid
+from mpmtop.loads import PointLoad
+from mpmtop.model import discretise
 from mpmtop.points import seed
-from mpmtop.scene import PointLoad, Rectangle, Scene, Support
+from mpmtop.region import Rectangle
 from mpmtop.shape_functions import ShapeFunction, bspline2, bspline3, gimp, tent
 from mpmtop.transfer import transfer
 from validation.bodies.crossing import Uniform
@@ -81,8 +83,7 @@ def test_coefficients_approximate_at_the_order_of_the_space(function: ShapeFunct
 def test_analysis_is_the_models(function: ShapeFunction) -> None:
     body = Rectangle((0.0, 0.0), (6.0, 4.0))
     support = Support(Rectangle((-np.inf, -np.inf), (1.0, np.inf)))
-    scene = Scene("tested", body, (support,), (PointLoad((6.0, 2.0), (0.3, -1.0)),), 1.0, MATERIAL)
-    model = discretise(scene, 1.0, 2, function)
+    model = discretise(Body(body, (support,), (PointLoad((6.0, 2.0), (0.3, -1.0)),), MATERIAL), 1.0, 2, function)
     moduli = np.ones(len(model.points.x))
     inside = np.sort(model.stiffness.dof)
     u = held_analysis(

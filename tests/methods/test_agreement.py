@@ -4,13 +4,16 @@ import numpy as np
 import pytest
 from scipy.spatial import KDTree
 
-from mpmtop.equilibrium import discretise, equilibrium
+from mpmtop.body import Material
+from mpmtop.equilibrium import equilibrium
+from mpmtop.loads import PointLoad, RegionLoad
+from mpmtop.model import discretise
 from mpmtop.objectives import compliance
 from mpmtop.points import to_gauss_points
-from mpmtop.scene import Material, PointLoad, RegionLoad, Scene
 from mpmtop.shape_functions import gimp, tent
 from reference_fem import elasticity
 from tests.scenes import cantilever
+from validation.bodies.scenes import changed
 
 
 @pytest.mark.parametrize("plane", ["strain", "stress"])
@@ -22,11 +25,11 @@ def test_gauss_point_mpm_is_q1(plane: str, h: float | tuple[float, float]) -> No
     """
     load = PointLoad((8.0, 2.0), (0.3, -1.0), points=0)
     scene = cantilever(load=load, material=Material(2.0, 0.3, plane))  # type: ignore[arg-type]
-    points = to_gauss_points(discretise(scene, h).points)
-    model = discretise(scene, h, points=points)
+    points = to_gauss_points(discretise(scene.body, h).points)
+    model = discretise(scene.body, h, points=points)
     state = equilibrium(model, np.full(len(points.x), 2.0))
 
-    fem = elasticity.discretise(scene, h)
+    fem = elasticity.discretise(scene.body, h)
     u = elasticity.solve(fem, np.full(len(fem.area), 2.0))
     _, node = KDTree(fem.basis.mesh.p.T).query(model.grid.node_positions()[model.transfer.nodes])
     dof = fem.basis.nodal_dofs[:, node].T.ravel()  # of the finite element model, in our order
@@ -51,9 +54,9 @@ def test_kratos() -> None:
     y = 0.25 + 0.5 * np.arange(40)
     scene = cantilever(40, 20, material=Material(1e6, 0.3))
     loads = tuple(PointLoad((39.75, float(b)), (0.0, -1 / 40), points=0) for b in y)
-    scene = Scene(scene.name, scene.domain, scene.supports, loads, scene.filter_radius, scene.material)
-    points = to_gauss_points(discretise(scene, 1.0).points)
-    model = discretise(scene, 1.0, points=points)
+    scene = changed(scene, loads=loads)
+    points = to_gauss_points(discretise(scene.body, 1.0).points)
+    model = discretise(scene.body, 1.0, points=points)
     value = compliance(model, equilibrium(model, np.full(3200, 1e6)))
     assert value == pytest.approx(3.40685100860e-05, rel=1e-11)  # the digits given
 
@@ -61,19 +64,19 @@ def test_kratos() -> None:
 def test_load_at_a_position_equals_load_by_points() -> None:
     """Through the shape functions at the carriers' positions the load is the same, whichever way it is said."""
     shared = PointLoad((8.0, 2.0), (0.0, -1.0))
-    x, force = shared.act(discretise(cantilever(), 1.0).points.x, 1e-9)
+    x, force = shared.act(discretise(cantilever().body, 1.0).points.x, 1e-9)
     placed = tuple(PointLoad(tuple(a), tuple(f), points=0) for a, f in zip(x.tolist(), force.tolist(), strict=True))
-    one, other = (discretise(cantilever(loads=loads), 1.0).f_ext for loads in ((shared,), placed))
+    one, other = (discretise(cantilever(loads=loads).body, 1.0).f_ext for loads in ((shared,), placed))
     np.testing.assert_allclose(one, other, atol=1e-15)
     assert one.reshape(-1, 2).sum(axis=0) == pytest.approx([0, -1], abs=1e-15)
 
 
 def test_gimp_and_standard_are_one_without_crossing_and_differ_with_it() -> None:
-    load = RegionLoad(cantilever().domain, (0.0, -1.0))
-    models = [discretise(cantilever(load=load), 1.0, shape_function=f) for f in (tent, gimp)]
+    load = RegionLoad(cantilever().body.domain, (0.0, -1.0))
+    models = [discretise(cantilever(load=load).body, 1.0, shape_function=f) for f in (tent, gimp)]
     u = [equilibrium(model, np.ones(128)).u for model in models]
     np.testing.assert_array_equal(u[0], u[1])
     points = models[0].points.moved((0.3, 0.0))
-    moved = [discretise(cantilever(load=load), 1.0, points=points, shape_function=f) for f in (tent, gimp)]
+    moved = [discretise(cantilever(load=load).body, 1.0, points=points, shape_function=f) for f in (tent, gimp)]
     C = [compliance(model, equilibrium(model, np.ones(128))) for model in moved]
     assert abs(C[0] / C[1] - 1) > 1e-3

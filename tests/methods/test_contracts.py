@@ -7,22 +7,27 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mpmtop.equilibrium import discretise
+from mpmtop.arrays import Array, Mask
+from mpmtop.body import Material
+from mpmtop.errors import InvalidScene, LoadOutsideBody
+from mpmtop.loads import PointLoad
+from mpmtop.model import discretise
 from mpmtop.optimize import GCMMA, optimize
 from mpmtop.points import seed
-from mpmtop.problem import DesignProblem
-from mpmtop.region import Circle, Difference, LevelSet, Region
-from mpmtop.scene import Array, InvalidScene, LoadOutsideBody, Mask, Material, PNormStress, PointLoad, Rectangle
+from mpmtop.problem import design_problem as points_problem
+from mpmtop.region import Circle, Difference, LevelSet, Rectangle, Region
+from mpmtop.scene import PNormStress
 from reference_fem.mesh import lattice
 from reference_fem.reanalyse import build_judge, judge_stress
 from reference_fem.simp import design_problem
 from tests.scenes import LEFT_CLAMP, cantilever
+from validation.bodies.scenes import changed
 
 # --- densities --------------------------------------------------------------------------------------------------------
 
 
 def by_points(rho: Array) -> float:
-    return DesignProblem(discretise(cantilever(), 1.0)).analyse(rho).objective
+    return points_problem(cantilever(), 1.0).analyse(rho).objective
 
 
 def by_elements(rho: Array) -> float:
@@ -30,7 +35,7 @@ def by_elements(rho: Array) -> float:
 
 
 def by_judge(rho: Array) -> float:
-    points = seed(cantilever().domain, (0.5, 0.5))
+    points = seed(cantilever().body.domain, (0.5, 0.5))
     judge = build_judge(cantilever(), points.x, points.half_length)
     judgement = judge(rho)
     return judgement.compliance + judge_stress(judge, rho, judgement).p_norm
@@ -68,7 +73,7 @@ def test_a_length_typed_to_seven_digits_divides(typed: float) -> None:
     given = seed(body, (typed, typed))
     assert np.array_equal(given.x, exact.x) and np.array_equal(given.half_length, exact.half_length)
     assert np.array_equal(lattice(body.bounds, np.full(2, typed)).p, lattice(body.bounds, np.full(2, 1 / 7)).p)
-    model, as_meant = discretise(cantilever(), 2 * typed), discretise(cantilever(), 2 / 7)
+    model, as_meant = discretise(cantilever().body, 2 * typed), discretise(cantilever().body, 2 / 7)
     assert model.grid == as_meant.grid and np.array_equal(model.f_ext, as_meant.f_ext)
 
 
@@ -76,7 +81,7 @@ def test_a_length_typed_to_seven_digits_divides(typed: float) -> None:
 def test_a_length_that_does_not_divide_is_refused_by_both(typed: float) -> None:
     said = "does not divide .* nearest that does" if typed in (0.3, 5.0) or abs(typed * 7 - 1) < 1e-5 else "positive"
     for cut in (
-        lambda: discretise(cantilever(), 2 * typed),
+        lambda: discretise(cantilever().body, 2 * typed),
         lambda: design_problem(cantilever(), typed),
     ):
         with pytest.raises(InvalidScene, match=said):
@@ -147,9 +152,9 @@ def test_elements_resume_on_any_domain(kind: int, tmp_path: Path) -> None:
 
 def test_every_number_of_the_scene_is_in_the_fingerprint_of_elements() -> None:
     scene = cantilever()
-    steel = scene.material
+    steel = scene.body.material
     prints = [
-        design_problem(replace(scene, **changes), 0.5).fingerprint
+        design_problem(changed(scene, **changes), 0.5).fingerprint
         for changes in (
             {},
             {"material": replace(steel, young=2.0)},

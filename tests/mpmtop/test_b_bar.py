@@ -9,10 +9,13 @@ import scipy.sparse as sp
 from skfem import BilinearForm, CellBasis, ElementQuad1, ElementVector, MeshQuad
 from skfem.helpers import ddot, div, sym_grad
 
-from mpmtop.equilibrium import Model, discretise, equilibrium
+from mpmtop.arrays import Array
+from mpmtop.body import Material
+from mpmtop.equilibrium import equilibrium
+from mpmtop.model import Model, discretise
 from mpmtop.points import MaterialPoints, seed, to_gauss_points
 from mpmtop.problem import DesignProblem
-from mpmtop.scene import Array, Compliance, Material, PNormStress
+from mpmtop.scene import Compliance, PNormStress
 from mpmtop.shape_functions import ShapeFunction, bspline2, gimp, tent
 from mpmtop.solvers import MultigridCG
 from mpmtop.stiffness import CellMap
@@ -25,7 +28,7 @@ NEARLY = Material(young=2.0, poisson=0.49)
 
 def arranged(arrangement: str) -> MaterialPoints:
     """Points of 8 x 4 cells: as seeded, half of them on the grid's lines, or moved at random with unequal volumes."""
-    points, rng = seed(cantilever().domain, (0.5, 0.5)), np.random.default_rng(0)
+    points, rng = seed(cantilever().body.domain, (0.5, 0.5)), np.random.default_rng(0)
     if arrangement == "scattered":
         points = points.moved(rng.uniform(-0.2, 0.2, points.x.shape))
         return replace(points, volume=rng.uniform(0.1, 0.3, len(points.x)))
@@ -34,7 +37,7 @@ def arranged(arrangement: str) -> MaterialPoints:
 
 def model_of(shape_function: ShapeFunction, points: MaterialPoints, *, b_bar: bool = True, ghost: float = 0.0) -> Model:
     scene = cantilever(material=NEARLY)
-    return discretise(scene, 1.0, points=points, shape_function=shape_function, b_bar=b_bar, ghost=ghost)
+    return discretise(scene.body, 1.0, points=points, shape_function=shape_function, b_bar=b_bar, ghost=ghost)
 
 
 def of_cell(x: Array) -> Array:
@@ -110,7 +113,7 @@ def test_a_lattice_has_few_kinds(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @each_shape_function
 def test_one_point_in_a_cell_is_its_own_mean(shape_function: ShapeFunction) -> None:
-    points = seed(cantilever().domain, (1.0, 1.0))
+    points = seed(cantilever().body.domain, (1.0, 1.0))
     model, plain = (model_of(shape_function, points, b_bar=b_bar) for b_bar in (True, False))
     # volume over volume is one, and the rest is a difference with itself
     np.testing.assert_array_equal(model.transfer.B.toarray(), plain.transfer.B.toarray())
@@ -120,7 +123,7 @@ def test_one_point_in_a_cell_is_its_own_mean(shape_function: ShapeFunction) -> N
 
 def test_hughes_element() -> None:
     """Tent on the cells' Gauss points is the bilinear element with the in-plane bulk term at one point: scikit-fem."""
-    points = to_gauss_points(seed(cantilever().domain, (0.5, 0.5)))
+    points = to_gauss_points(seed(cantilever().body.domain, (0.5, 0.5)))
     model = model_of(tent, points)
     basis = CellBasis(MeshQuad.init_tensor(np.arange(9.0), np.arange(5.0)), ElementVector(ElementQuad1()), intorder=3)
     centre = CellBasis(basis.mesh, basis.elem, quadrature=(np.array([[0.5], [0.5]]), np.ones(1)))
@@ -147,8 +150,8 @@ def test_gradient(shape_function: ShapeFunction, objective: Compliance | PNormSt
     """Central difference along a direction; and f . u is twice the energy of the averaged strains (Clapeyron)."""
     scene = cantilever(material=NEARLY, objective=objective)
     points = arranged("seeded").moved((0.3, 0.0))
-    model = discretise(scene, 1.0, points=points, shape_function=shape_function, b_bar=True)
-    problem = DesignProblem(model)
+    model = discretise(scene.body, 1.0, points=points, shape_function=shape_function, b_bar=True)
+    problem = DesignProblem(model, scene.design, objective)
     rng = np.random.default_rng(5)
     rho, direction = rng.uniform(0.4, 0.9, len(points.x)), rng.normal(size=len(points.x))
     at = problem.analyse(rho)
@@ -167,10 +170,10 @@ def test_with_a_ghost_penalty(shape_function: ShapeFunction) -> None:
     """Beside cut cells, too, gradient and stiffness are of one operator: sum dC/dlnE = -C."""
     points = arranged("seeded").moved((0.0, 0.26))  # the last row lies beyond the body's upper edge
     model = model_of(shape_function, points, ghost=0.01)
-    problem = DesignProblem(model)
+    problem = DesignProblem(model, cantilever().design)
     at = problem.analyse(np.full(len(points.x), 0.7))
     assert model.ghost.modulus.shape[0] > 0
-    by_moduli = problem.objective.gradient(model, at.state, at.rho)[1]
+    by_moduli = problem.functional.gradient(model, at.state, at.rho)[1]
     assert at.state.moduli @ by_moduli == pytest.approx(-at.objective, rel=1e-9)  # the solver's tolerance
     with pytest.raises(ValueError, match="B-splines"):
         model_of(bspline2, points, ghost=0.01)
@@ -183,7 +186,7 @@ def test_iterative_solver(shape_function: ShapeFunction) -> None:
     u = []
     for solver in (None, MultigridCG):
         chosen = {} if solver is None else {"solver": partial(MultigridCG, coarsest=200)}
-        model = discretise(scene, 1.0, shape_function=shape_function, b_bar=True, **chosen)
+        model = discretise(scene.body, 1.0, shape_function=shape_function, b_bar=True, **chosen)
         u.append(equilibrium(model, np.ones(len(model.points.x))).u)
     np.testing.assert_allclose(u[1], u[0], rtol=0, atol=1e-5 * np.abs(u[0]).max())  # tolerance 1e-6, of the residual
 

@@ -9,12 +9,15 @@ import numpy as np
 import pytest
 
 from mpmtop import export
-from mpmtop.equilibrium import discretise
+from mpmtop.body import Body, Material, Support
+from mpmtop.design import Design
 from mpmtop.fields import fields
+from mpmtop.loads import PointLoad
 from mpmtop.optimize import GCMMA, optimize
 from mpmtop.problem import DesignProblem
-from mpmtop.region import Circle, Difference
-from mpmtop.scene import Material, PNormStress, PointLoad, Rectangle, Scene, Support
+from mpmtop.problem import design_problem as points_problem
+from mpmtop.region import Circle, Difference, Rectangle
+from mpmtop.scene import PNormStress, Scene
 from mpmtop.shape_functions import bspline2, bspline3, gimp, tent
 from reference_fem.simp import DesignProblem as ElementProblem
 from reference_fem.simp import design_problem
@@ -26,7 +29,7 @@ SOLVERS = pytest.mark.parametrize("solver", ["points", "elements"])
 def analysed(solver: str, **changes: Any) -> tuple[DesignProblem | ElementProblem, Any]:
     """A problem and the evaluation of an uneven design."""
     scene = cantilever(**changes)
-    problem = DesignProblem(discretise(scene, 1.0, 2, gimp)) if solver == "points" else design_problem(scene, 0.5)
+    problem = points_problem(scene, 1.0, 2, gimp) if solver == "points" else design_problem(scene, 0.5)
     return problem, problem.evaluate(np.random.default_rng(3).uniform(0.2, 1, len(problem.x0)))
 
 
@@ -70,8 +73,8 @@ def test_points_round_trip(solver: str, plane: Any, tmp_path: Path) -> None:
 def test_von_mises_of_a_run() -> None:
     """The largest of an optimised beam, with sigma_zz of plane strain 1.489; that of the plane reads 1.904."""
     clamp, load = Support(Rectangle((-1, 0), (0, 20))), PointLoad((40, 10), (0, -1))
-    scene = Scene("beam", Rectangle((0, 0), (40, 20)), (clamp,), (load,), 1.5, objective=PNormStress(8.0, 0.5))
-    problem = DesignProblem(discretise(scene, 2.0, 2, gimp))
+    scene = Scene("beam", Body(Rectangle((0, 0), (40, 20)), (clamp,), (load,)), Design(0.4, 1.5), PNormStress(8.0, 0.5))
+    problem = points_problem(scene, 2.0, 2, gimp)
     *_, last = optimize(problem, GCMMA(), max_iterations=20)
     at = fields(problem.model, last.evaluation.state, last.evaluation.rho)
     assert export.von_mises(at.stress).max() == pytest.approx(1.489, abs=5e-4)  # digits of the stated value
@@ -79,11 +82,11 @@ def test_von_mises_of_a_run() -> None:
 
 
 MODELS: dict[str, Any] = {
-    "tent": lambda scene: DesignProblem(discretise(scene, 1.0, 2, tent)),
-    "GIMP, cut cells, ghost penalty": lambda scene: DesignProblem(discretise(scene, 1.0, 2, gimp, ghost=0.05)),
-    "quadratic": lambda scene: DesignProblem(discretise(scene, 1.0, 2, bspline2)),
-    "cubic": lambda scene: DesignProblem(discretise(scene, 1.0, 2, bspline3)),
-    "B-bar": lambda scene: DesignProblem(discretise(scene, 1.0, 2, tent, b_bar=True)),
+    "tent": lambda scene: points_problem(scene, 1.0, 2, tent),
+    "GIMP, cut cells, ghost penalty": lambda scene: points_problem(scene, 1.0, 2, gimp, ghost=0.05),
+    "quadratic": lambda scene: points_problem(scene, 1.0, 2, bspline2),
+    "cubic": lambda scene: points_problem(scene, 1.0, 2, bspline3),
+    "B-bar": lambda scene: points_problem(scene, 1.0, 2, tent, b_bar=True),
     "bilinear": lambda scene: design_problem(scene, 0.5),
     "biquadratic": lambda scene: design_problem(scene, 0.5, 2),
 }

@@ -6,22 +6,18 @@ from typing import Any, Literal
 import numpy as np
 import pytest
 
-from mpmtop.equilibrium import discretise, equilibrium
+from mpmtop.arrays import Array
+from mpmtop.body import Body, Material, Support
+from mpmtop.design import Design
+from mpmtop.equilibrium import equilibrium
+from mpmtop.errors import InvalidScene
+from mpmtop.loads import PointLoad
 from mpmtop.material import von_mises, von_mises_form
+from mpmtop.model import discretise
 from mpmtop.objectives import p_norm_stress, p_norm_stress_gradient
-from mpmtop.problem import DesignProblem
-from mpmtop.scene import (
-    Array,
-    Compliance,
-    Difference,
-    InvalidScene,
-    Material,
-    PNormStress,
-    PointLoad,
-    Rectangle,
-    Scene,
-    Support,
-)
+from mpmtop.problem import DesignProblem, design_problem
+from mpmtop.region import Difference, Rectangle
+from mpmtop.scene import Compliance, PNormStress, Scene
 from mpmtop.shape_functions import ShapeFunction, tent
 from mpmtop.solvers import BandedCholesky, MultigridCG
 from tests.scenes import LEFT_CLAMP, SHAPE_FUNCTIONS, cantilever
@@ -31,8 +27,8 @@ ALL = pytest.mark.parametrize("shape_function", SHAPE_FUNCTIONS, ids=lambda f: f
 
 def problem(objective: PNormStress, shape_function: ShapeFunction = tent, shift: float = 0.0) -> DesignProblem:
     scene = cantilever(objective=objective)
-    points = discretise(scene, 1.0).points.moved((shift, 0.0))
-    return DesignProblem(discretise(scene, 1.0, points=points, shape_function=shape_function))
+    points = discretise(scene.body, 1.0).points.moved((shift, 0.0))
+    return design_problem(scene, 1.0, points=points, shape_function=shape_function)
 
 
 def density(seed: int) -> Array:
@@ -60,7 +56,7 @@ def test_uniform_stress_in_closed_form() -> None:
     scene = cantilever(
         6, 3, supports=rollers, loads=ends, material=Material(2.0, 0.25, "stress"), objective=PNormStress(12, 0.5)
     )
-    design = DesignProblem(discretise(scene, 1.0))
+    design = design_problem(scene, 1.0)
     for rho in (1.0, 0.5):
         value = design.analyse(np.full(72, rho)).objective
         assert value == pytest.approx(72 ** (1 / 12) * rho ** (0.5 - 3), rel=1e-8)  # the contrast, 1e-9 over rho^3
@@ -71,13 +67,13 @@ def test_uniform_stress_in_closed_form() -> None:
 def test_neither_overflow_nor_underflow(p: float, force: float) -> None:
     """J lies between the largest relaxed stress and points^(1/p) of it, whatever the unit of force."""
     scene = cantilever(load=PointLoad((8, 2), (0, -force)), objective=PNormStress(p))
-    design = DesignProblem(discretise(scene, 1.0))
+    design = design_problem(scene, 1.0)
     at = design.analyse(density(2))
     unit = problem(PNormStress(p)).analyse(density(2))
     assert at.objective == pytest.approx(force * unit.objective, rel=1e-10)
     gradient = design.density_gradient(at)
     assert np.all(np.isfinite(gradient)) and np.any(gradient != 0)
-    vm = von_mises(at.state.strain @ design.model.D, scene.material)
+    vm = von_mises(at.state.strain @ design.model.D, scene.body.material)
     largest = np.max(np.sqrt(density(2)) * vm)
     assert largest <= at.objective <= 128 ** (1 / p) * largest * (1 + 1e-12)
 
@@ -85,7 +81,7 @@ def test_neither_overflow_nor_underflow(p: float, force: float) -> None:
 def test_points_without_stress_or_density_do_no_harm() -> None:
     """A load between the clamp and a free end leaves the end without stress; some densities are zero, too."""
     scene = cantilever(load=PointLoad((4.0, 2.0), (0.0, -1.0), points=0), objective=PNormStress(), rho_min=0.0)
-    design = DesignProblem(discretise(scene, 1.0))
+    design = design_problem(scene, 1.0)
     rho = np.where(np.random.default_rng(3).random(128) < 0.2, 0.0, 1.0)
     at = design.analyse(rho)
     assert np.isfinite(at.objective)
@@ -94,8 +90,7 @@ def test_points_without_stress_or_density_do_no_harm() -> None:
 
 def test_stress_does_not_depend_on_the_modulus() -> None:
     soft, stiff = (
-        DesignProblem(discretise(cantilever(material=Material(E0, 0.3), objective=PNormStress()), 1.0))
-        for E0 in (1e-6, 1e12)
+        design_problem(cantilever(material=Material(E0, 0.3), objective=PNormStress()), 1.0) for E0 in (1e-6, 1e12)
     )
     a, b = soft.analyse(density(4)), stiff.analyse(density(4))
     assert a.objective == pytest.approx(b.objective, rel=1e-10)  # rounding times condition number
@@ -115,8 +110,8 @@ def test_l_bracket_start() -> None:
     domain = Difference(Rectangle((0, 0), (50, 50)), Rectangle((20, 20), (50, 50)))
     top = Support(Rectangle((-np.inf, 50), (np.inf, np.inf)))
     load = PointLoad((50, 20), (0, -1))
-    scene = Scene("L", domain, (top,), (load,), 1.0, objective=PNormStress())
-    design = DesignProblem(discretise(scene, 1.0))
+    scene = Scene("L", Body(domain, (top,), (load,)), Design(0.4, 1.0), PNormStress())
+    design = design_problem(scene, 1.0)
     assert len(design.x0) == 6400
     assert design.evaluate(design.x0).objective == pytest.approx(11.850, abs=5e-4)
 
@@ -137,7 +132,7 @@ def test_gradient_where_void_carries_the_load(contrast: float, solver: Any) -> N
     """The p-norm goes with 1 / E if all moduli do: sum E dJ/dE = -J. An adjoint by multigrid to a residual of 1e-6, and
     no more, misses a tenth of it: the soft mode of the loaded end."""
     scene = cantilever(5, 2, objective=PNormStress(), contrast=contrast)
-    model = discretise(scene, 1.0, solver=solver)
+    model = discretise(scene.body, 1.0, solver=solver)
     rho = np.where(np.floor(model.points.x[:, 0]) == 2, 0.0, 1.0)
     moduli = contrast + rho * (1 - contrast)
     state = equilibrium(model, moduli)

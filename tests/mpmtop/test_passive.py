@@ -3,13 +3,16 @@
 import numpy as np
 import pytest
 
-from mpmtop.design import density_filter
-from mpmtop.equilibrium import discretise
+from mpmtop.arrays import Array
+from mpmtop.errors import EmptyDomain, InvalidScene, LoadOutsideBody
+from mpmtop.filter import density_filter
+from mpmtop.loads import PointLoad, RegionLoad
+from mpmtop.model import discretise
 from mpmtop.optimize import GCMMA, MMA, OptimalityCriteria, UpdateRule, optimize
-from mpmtop.problem import DesignProblem, plan
+from mpmtop.problem import DesignProblem, design_problem, plan
 from mpmtop.quadtree import quadtree
-from mpmtop.region import Array, Circle, Difference, InvalidScene, Rectangle, Region
-from mpmtop.scene import Compliance, EmptyDomain, LoadOutsideBody, PNormStress, PointLoad, RegionLoad, Scene
+from mpmtop.region import Circle, Difference, Rectangle, Region
+from mpmtop.scene import Compliance, PNormStress, Scene
 from mpmtop.shape_functions import gimp
 from tests.scenes import cantilever
 from validation.oracles.woodbury import State, exact_derivatives, material_points
@@ -27,7 +30,7 @@ def problem(
 ) -> DesignProblem:
     """The 8 x 4 cantilever of 128 points; by default 16 void ones in the hole and 8 solid ones at the load's corner."""
     scene = cantilever(passive_solid=solid, passive_void=void, **changes)
-    return DesignProblem(discretise(scene, 1.0), filter_passive=filter_passive)
+    return design_problem(scene, 1.0, filter_passive=filter_passive)
 
 
 def random_design(p: DesignProblem, seed: int = 0) -> Array:
@@ -80,8 +83,8 @@ def test_gradient_has_a_second_order_remainder(
     """Taylor test in a random direction of the active variables; the constraint is affine."""
     base = problem(objective=objective, filter_passive=filter_passive)
     points = base.model.points.moved((shift, 0.0))
-    model = discretise(base.model.scene, 1.0, points=points, shape_function=gimp)
-    p = DesignProblem(model, base.model.points, filter_passive)
+    model = discretise(base.model.body, 1.0, points=points, shape_function=gimp)
+    p = DesignProblem(model, base.design, objective, base.model.points, filter_passive)
     x, d = random_design(p), np.random.default_rng(1).uniform(-0.1, 0.1, 104)
     at = p.evaluate(x)
     dJ, dg = p.gradient(at)
@@ -97,7 +100,7 @@ def test_gradient_is_that_of_a_complex_step(objective: Compliance | PNormStress,
     """By every density, those at 0 and 1 included, and by every variable."""
     p = problem(objective=objective, filter_passive=filter_passive)
     at = p.evaluate(random_design(p))
-    exact = exact_derivatives(State.at(material_points(p.model), at.rho))
+    exact = exact_derivatives(State.at(material_points(p), at.rho))
     # rounding times the condition number of a body with a hole of contrast 1e-9, whose strains are large
     np.testing.assert_allclose(p.density_gradient(at), exact, rtol=0, atol=1e-9 * np.abs(exact).max())
     expected = p.filter.matrix.toarray().T @ exact
@@ -110,9 +113,7 @@ def test_gradient_is_that_of_a_complex_step(objective: Compliance | PNormStress,
 def test_void_is_absence_to_the_contrast(objective: Compliance | PNormStress, contrast: float, hole: Circle) -> None:
     """Objective, gradient and volume of a passive void and of a domain without it, and the displacements around it."""
     void = problem(solid=None, void=hole, contrast=contrast, objective=objective)
-    absent = DesignProblem(
-        discretise(cantilever(domain=Difference(BODY, hole), contrast=contrast, objective=objective), 1.0)
-    )
+    absent = design_problem(cantilever(domain=Difference(BODY, hole), contrast=contrast, objective=objective), 1.0)
     x = random_design(void)
     np.testing.assert_array_equal(void.model.points.x[void.space.active], absent.model.points.x)
     a, b = void.evaluate(x), absent.evaluate(x)
@@ -149,7 +150,7 @@ def test_volume_on_a_quadtree() -> None:
     tree = quadtree(BODY, (0.5, 0.5))
     points = tree.refine(tree.within(Rectangle((3, 1), (8, 4)))).points()
     scene = cantilever(passive_solid=PLATE, passive_void=HOLE)
-    p = DesignProblem(discretise(scene, 1.0, points=points))
+    p = design_problem(scene, 1.0, points=points)
     solid, void = (points.volume[region.contains(points.x)].sum() for region in (PLATE, HOLE))
     assert solid == 2.0 and 0 < void < 4
     rho = p.evaluate(p.x0).rho
@@ -184,10 +185,10 @@ def test_optimisation_never_changes_what_is_passive(
 def test_positions_on_the_design_grid_decide() -> None:
     """Points that have moved into or out of a region stay what their leaf is."""
     grid = problem().model.points
-    scene = problem().model.scene
-    moved = discretise(scene, 1.0, points=grid.moved((0.3, 0.0)))
-    np.testing.assert_array_equal(DesignProblem(moved, grid).space.void, problem().space.void)
-    assert np.any(DesignProblem(moved).space.void != problem().space.void)
+    scene = cantilever(passive_solid=PLATE, passive_void=HOLE)
+    moved = discretise(scene.body, 1.0, points=grid.moved((0.3, 0.0)))
+    np.testing.assert_array_equal(DesignProblem(moved, scene.design, design_grid=grid).space.void, problem().space.void)
+    assert np.any(DesignProblem(moved, scene.design).space.void != problem().space.void)
 
 
 def test_regions_without_a_point_change_nothing() -> None:
@@ -249,9 +250,10 @@ def test_any_densities_may_be_analysed() -> None:
 def test_problems_refuse(changes: dict, error: type[Exception], advice: str) -> None:
     if changes.get("loads") == ():
         changes = changes | {"loads": (PointLoad((4, 2), (0, -1), 1),)}
-    model = discretise(cantilever(**changes), 1.0)
+    scene = cantilever(**changes)
+    model = discretise(scene.body, 1.0)
     with pytest.raises(error, match=advice):
-        DesignProblem(model)
+        DesignProblem(model, scene.design)
 
 
 def test_feasible_to_the_last_point() -> None:
@@ -259,4 +261,4 @@ def test_feasible_to_the_last_point() -> None:
     p = problem(solid=Rectangle((0, 0), (3, 4)), void=None, volume_fraction=0.375, rho_min=0.0)
     np.testing.assert_allclose(p.x0, 0, atol=1e-15)
     edge: Scene = cantilever(passive_void=HOLE, loads=(PointLoad((4, 3.1), (0, -1), points=0),))
-    assert np.isfinite(DesignProblem(discretise(edge, 1.0)).evaluate(np.full(112, 0.5)).objective)
+    assert np.isfinite(design_problem(edge, 1.0).evaluate(np.full(112, 0.5)).objective)

@@ -12,12 +12,12 @@ import pytest
 from matplotlib.collections import PolyCollection
 
 from mpmtop import plot
-from mpmtop.equilibrium import discretise
+from mpmtop.body import Support
 from mpmtop.fields import SCALARS, fields, rectangles
+from mpmtop.loads import RegionLoad
 from mpmtop.optimize import GCMMA, optimize
-from mpmtop.problem import DesignProblem
-from mpmtop.region import Circle, Difference
-from mpmtop.scene import Rectangle, RegionLoad, Support
+from mpmtop.problem import design_problem as points_problem
+from mpmtop.region import Circle, Difference, Rectangle
 from mpmtop.shape_functions import gimp
 from reference_fem.hole import around_hole
 from reference_fem.simp import design_problem
@@ -31,7 +31,7 @@ SCENE = cantilever(
     passive_solid=Rectangle((7.0, 1.0), (8.0, 3.0)),
 )
 PROBLEMS: dict[str, Any] = {
-    "points": lambda: DesignProblem(discretise(SCENE, 1.0, 2, gimp)),
+    "points": lambda: points_problem(SCENE, 1.0, 2, gimp),
     "elements": lambda: design_problem(SCENE, 0.5),
     "elements around the hole": lambda: design_problem(SCENE, mesh=around_hole((0, 0), (8, 4), (3, 2), 1.0, 0.5)),
 }

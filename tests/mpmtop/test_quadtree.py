@@ -5,13 +5,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mpmtop.design import density_filter
-from mpmtop.equilibrium import discretise
+from mpmtop.arrays import Array
+from mpmtop.errors import EmptyDomain, InvalidScene, PointOutsideGrid
+from mpmtop.filter import density_filter
 from mpmtop.points import seed
-from mpmtop.problem import DesignProblem
+from mpmtop.problem import design_problem
 from mpmtop.quadtree import Quadtree, quadtree, remap
-from mpmtop.region import Array, Circle, Difference, InvalidScene, LevelSet, Polygon, Rectangle
-from mpmtop.scene import EmptyDomain, PointOutsideGrid
+from mpmtop.region import Circle, Difference, LevelSet, Polygon, Rectangle
 from tests.scenes import cantilever
 
 BODY = Rectangle((1.0, -2.0), (7.0, 2.0))  # 6 x 4
@@ -210,12 +210,11 @@ def test_filter_averages_over_levels_by_volume() -> None:
 
 def test_a_refined_body_is_analysed() -> None:
     """A uniform design of a mixed tree is as stiff as that of a lattice, to the quadrature of both."""
-    domain = cantilever().domain
+    domain = cantilever().body.domain
     tree = quadtree(domain, (0.5, 0.5))
     mixed = tree.refine(tree.within(Rectangle((2, 1), (6, 4))))
     lattice, refined = (
-        DesignProblem(discretise(cantilever(), 1.0, points=t.points())).analyse(np.full(len(t.level), 0.5))
-        for t in (tree, mixed)
+        design_problem(cantilever(), 1.0, points=t.points()).analyse(np.full(len(t.level), 0.5)) for t in (tree, mixed)
     )
     assert refined.constraints == pytest.approx(lattice.constraints, rel=1e-13)
     assert refined.objective == pytest.approx(lattice.objective, rel=0.02)

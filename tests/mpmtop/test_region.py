@@ -8,20 +8,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from mpmtop.arrays import Array
+from mpmtop.errors import InvalidScene
 from mpmtop.points import seed
-from mpmtop.region import (
-    Array,
-    Circle,
-    Difference,
-    HalfPlane,
-    Intersection,
-    InvalidScene,
-    LevelSet,
-    Polygon,
-    Rectangle,
-    Region,
-    Union,
-)
+from mpmtop.region import Circle, Difference, HalfPlane, Intersection, LevelSet, Polygon, Rectangle, Region, Union
 
 NAN = float("nan")
 SQUARE = Polygon(((0, 0), (2, 0), (2, 1), (0, 1)))

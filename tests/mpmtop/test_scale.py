@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from mpmtop.design import DesignSpace, density_filter, passive_filter
-from mpmtop.equilibrium import Model, discretise
+from mpmtop.filter import DesignSpace, density_filter, passive_filter
+from mpmtop.model import Model, discretise
 from mpmtop.points import MaterialPoints, seed
-from mpmtop.problem import DesignProblem, plan
+from mpmtop.problem import design_problem, plan
 from mpmtop.region import Circle, Difference, Rectangle
 from mpmtop.shape_functions import ShapeFunction, bspline2, gimp, tent
 from mpmtop.solvers import MultigridCG
@@ -20,11 +20,13 @@ HOLED = Difference(Rectangle((0, 0), (12, 8)), Circle((5.3, 3.2), 2.3))
 def large(monkeypatch: pytest.MonkeyPatch) -> None:
     """Every body counts as large."""
     monkeypatch.setattr("mpmtop.stiffness.BY_CELL", 0)
-    monkeypatch.setattr("mpmtop.design.BY_CONVOLUTION", 0)
+    monkeypatch.setattr("mpmtop.filter.BY_CONVOLUTION", 0)
 
 
 def model_of(shape_function: ShapeFunction, points: MaterialPoints, ghost: float = 0.0) -> Model:
-    return discretise(cantilever(12, 8, domain=HOLED), 1.0, points=points, shape_function=shape_function, ghost=ghost)
+    return discretise(
+        cantilever(12, 8, domain=HOLED).body, 1.0, points=points, shape_function=shape_function, ghost=ghost
+    )
 
 
 def cell_map(model: Model) -> CellMap:
@@ -67,7 +69,7 @@ def test_memory_of_the_map_does_not_grow_with_points() -> None:
     """A lattice has four distinct points, however many there are; a point takes a sixth of the sparse map's memory."""
     sizes = []
     for n in (20, 40):
-        model = discretise(cantilever(n, n // 2), 1.0)
+        model = discretise(cantilever(n, n // 2).body, 1.0)
         part = cell_map(model)
         assert len(part.local) == 4
         sizes.append(sum(a.nbytes for a in (part.point, part.start, part.kind, part.local, part.place)))
@@ -81,7 +83,7 @@ def test_filter_by_convolution(radius: float, spacing: tuple[float, float], monk
     """The pair search's filter, around a hole, from below one spacing to beyond the body; and its adjoint."""
     points = seed(HOLED, spacing)
     W = density_filter(points, radius)
-    monkeypatch.setattr("mpmtop.design.BY_CONVOLUTION", 0)
+    monkeypatch.setattr("mpmtop.filter.BY_CONVOLUTION", 0)
     by_lattice = density_filter(points, radius)
     assert not isinstance(by_lattice.matrix, type(W.matrix))
     x, y = np.random.default_rng(2).random((2, len(points.x)))
@@ -97,7 +99,7 @@ def test_passive_filter_by_convolution(over_passive: bool, monkeypatch: pytest.M
     x = points.x[:, 0]
     space = DesignSpace(x < 1.5, x > 11)
     W = passive_filter(points, 1.3, space, over_passive=over_passive)
-    monkeypatch.setattr("mpmtop.design.BY_CONVOLUTION", 0)
+    monkeypatch.setattr("mpmtop.filter.BY_CONVOLUTION", 0)
     by_lattice = passive_filter(points, 1.3, space, over_passive=over_passive)
     rng = np.random.default_rng(3)
     design, gradient = rng.random(len(space.active)), rng.random(len(x))
@@ -122,12 +124,12 @@ def test_plan_and_fingerprint() -> None:
     """Large problems are told apart, too: by radius, by the place of their points, by shape function."""
     scene = cantilever(12, 8)
     problems = [
-        DesignProblem(discretise(scene, 1.0)),
-        DesignProblem(discretise(cantilever(12, 8, filter_radius=1.6), 1.0)),
+        design_problem(scene, 1.0),
+        design_problem(cantilever(12, 8, filter_radius=1.6), 1.0),
     ]
-    problems += [DesignProblem(discretise(scene, 1.0, shape_function=bspline2))]
+    problems += [design_problem(scene, 1.0, shape_function=bspline2)]
     assert len({problem.fingerprint for problem in problems}) == 3
-    assert problems[0].fingerprint == DesignProblem(discretise(scene, 1.0)).fingerprint
+    assert problems[0].fingerprint == design_problem(scene, 1.0).fingerprint
     text = plan(problems[0])
     assert "by 96 cells and 4 distinct matrices" in text
     assert "filter: a convolution" in text
@@ -135,12 +137,12 @@ def test_plan_and_fingerprint() -> None:
 
 def test_a_large_body() -> None:
     """A hundred thousand points: every choice by size at once; dC/dlnE sums to -C, and the filter keeps the volume."""
-    model = discretise(cantilever(320, 160, filter_radius=6.0), 1.0, ppc=(1, 2))
-    problem = DesignProblem(model)
+    problem = design_problem(cantilever(320, 160, filter_radius=6.0), 1.0, ppc=(1, 2))
+    model = problem.model
     assert isinstance(model.solver, MultigridCG)
     assert isinstance(model.stiffness.maps[0], CellMap)
     at = problem.evaluate(problem.x0)
-    assert at.state.newton_steps == 1
+    assert at.state.solves == 1
     assert at.rho == pytest.approx(0.4, rel=1e-13)
-    by_moduli = problem.objective.gradient(model, at.state, at.rho)[1]
+    by_moduli = problem.functional.gradient(model, at.state, at.rho)[1]
     assert at.state.moduli @ by_moduli == pytest.approx(-at.objective, rel=1e-6)  # the solver's tolerance

@@ -3,21 +3,14 @@
 import numpy as np
 import pytest
 
-from mpmtop.equilibrium import discretise
+from mpmtop.body import Material, Support
+from mpmtop.errors import EmptyDomain, InvalidScene, LoadOutsideBody, UnsupportedBody
 from mpmtop.grid import Grid
+from mpmtop.loads import PointLoad, RegionLoad
+from mpmtop.model import discretise
 from mpmtop.points import MaterialPoints, seed
-from mpmtop.scene import (
-    EmptyDomain,
-    InvalidScene,
-    LoadOutsideBody,
-    Material,
-    PNormStress,
-    PointLoad,
-    Rectangle,
-    RegionLoad,
-    Support,
-    UnsupportedBody,
-)
+from mpmtop.region import Rectangle
+from mpmtop.scene import PNormStress
 from tests.scenes import LEFT_CLAMP, cantilever
 
 NAN = float("nan")
@@ -82,10 +75,10 @@ def test_parts_refuse() -> None:
 
 def test_discretisation_refuses() -> None:
     with pytest.raises(ValueError, match="at least one in each direction"):
-        discretise(cantilever(), 1.0, 0)
+        discretise(cantilever().body, 1.0, 0)
     for h in (-1.0, 0.0, NAN, np.inf):
         with pytest.raises(ValueError, match="positive lengths"):
-            discretise(cantilever(), h)
+            discretise(cantilever().body, h)
     with pytest.raises(ValueError, match="cell sizes positive"):
         Grid((0, 0), (1, -1), (2, 2))
     with pytest.raises(ValueError, match="at least one in each"):
@@ -113,7 +106,7 @@ def test_region_without_points_is_empty() -> None:
 
 @pytest.mark.parametrize(("ppc", "count"), [(1, 32), (2, 128), ((3, 1), 96), (5, 800)])
 def test_seeding_tiles_the_domain(ppc: int | tuple[int, int], count: int) -> None:
-    points = discretise(cantilever(8, 4), 1.0, ppc).points
+    points = discretise(cantilever(8, 4).body, 1.0, ppc).points
     assert len(points.x) == count
     assert points.volume.sum() == pytest.approx(32, rel=1e-14)
     np.testing.assert_allclose(points.volume, np.prod(2 * points.half_length, axis=1), rtol=1e-14)
@@ -121,7 +114,7 @@ def test_seeding_tiles_the_domain(ppc: int | tuple[int, int], count: int) -> Non
 
 def test_six_nearest_points() -> None:
     """At mid-height the six nearest of a 2 x 2 lattice are two in the last column and their neighbours, by symmetry."""
-    x = discretise(cantilever(8, 4), 1.0).points.x
+    x = discretise(cantilever(8, 4).body, 1.0).points.x
     at, force = PointLoad((8, 2), (0, -1)).act(x, 1e-9)
     expected = {(7.75, 1.75), (7.75, 2.25), (7.25, 1.75), (7.25, 2.25), (7.75, 1.25), (7.75, 2.75)}
     assert set(map(tuple, at)) == expected
@@ -132,7 +125,7 @@ def test_six_nearest_points() -> None:
 @pytest.mark.parametrize("position", [(8.0, 2.0), (8.0, 0.0), (4.0, 4.0), (5.0, 2.0), (5.1, 2.3)])
 def test_load_is_shared_by_whole_shells(position: tuple[float, float], points: int) -> None:
     """The whole force acts, rounding of positions changes nothing, and a mirrored scene has the mirrored load."""
-    x = discretise(cantilever(8, 4), 1.0).points.x
+    x = discretise(cantilever(8, 4).body, 1.0).points.x
     load = PointLoad(position, (0.3, -1.0), points)
     at, force = load.act(x, 1e-9)
     np.testing.assert_allclose(force.sum(axis=0), [0.3, -1.0], rtol=1e-14)
@@ -150,6 +143,6 @@ def test_load_is_shared_by_whole_shells(position: tuple[float, float], points: i
 
 def test_spacing_must_divide_the_domain() -> None:
     with pytest.raises(InvalidScene, match="does not divide"):
-        discretise(cantilever(8.3, 4), 1.0)
+        discretise(cantilever(8.3, 4).body, 1.0)
     with pytest.raises(ValueError, match="whole number"):
-        discretise(cantilever(), 1.0, 2.5)  # type: ignore[arg-type]
+        discretise(cantilever().body, 1.0, 2.5)  # type: ignore[arg-type]

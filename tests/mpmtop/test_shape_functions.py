@@ -5,10 +5,13 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
+from mpmtop.arrays import Array
+from mpmtop.body import Material
+from mpmtop.errors import PointOutsideGrid
 from mpmtop.grid import Grid
 from mpmtop.material import tangent, von_mises
 from mpmtop.points import MaterialPoints, seed
-from mpmtop.scene import Array, Material, PointOutsideGrid, Rectangle
+from mpmtop.region import Rectangle
 from mpmtop.shape_functions import ShapeFunction, bspline2, bspline3, gimp, tent
 from mpmtop.transfer import transfer
 from tests.scenes import SHAPE_FUNCTIONS

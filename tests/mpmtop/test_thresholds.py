@@ -5,9 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mpmtop.equilibrium import discretise, equilibrium
+from mpmtop.arrays import Array
+from mpmtop.body import Support
+from mpmtop.equilibrium import equilibrium
+from mpmtop.errors import UnsupportedBody
+from mpmtop.loads import PointLoad
+from mpmtop.model import discretise
 from mpmtop.region import Difference, Rectangle, Region
-from mpmtop.scene import Array, PointLoad, Support, UnsupportedBody
 from mpmtop.shape_functions import gimp
 from mpmtop.solvers import BandedCholesky
 from mpmtop.stiffness import CellMap
@@ -17,9 +21,9 @@ from tests.scenes import cantilever
 def entries(x: Array | None, by_cell: bool, monkeypatch: pytest.MonkeyPatch) -> tuple[Array, CellMap | None]:
     """K's entries of a body with points at x, by either map, and the map by cells."""
     monkeypatch.setattr("mpmtop.stiffness.BY_CELL", 0 if by_cell else 10**9)
-    points = discretise(cantilever(8, 4), 1.0).points
+    points = discretise(cantilever(8, 4).body, 1.0).points
     moved = points if x is None else replace(points, x=x)
-    model = discretise(cantilever(8, 4), 1.0, points=moved)
+    model = discretise(cantilever(8, 4).body, 1.0, points=moved)
     part = model.stiffness.maps[0]
     moduli = np.random.default_rng(1).uniform(0.1, 1, len(points.x))
     return model.stiffness.data(moduli), part if isinstance(part, CellMap) else None
@@ -28,7 +32,7 @@ def entries(x: Array | None, by_cell: bool, monkeypatch: pytest.MonkeyPatch) -> 
 @pytest.mark.parametrize("apart", [1e-12, 1e-9, 1e-6, 1e-3])
 def test_points_that_are_not_alike(apart: float, monkeypatch: pytest.MonkeyPatch) -> None:
     """Points a little off the lattice keep their own matrices; those that rounding moved share them."""
-    x = discretise(cantilever(8, 4), 1.0).points.x
+    x = discretise(cantilever(8, 4).body, 1.0).points.x
     x = x + apart * np.random.default_rng(0).uniform(-1, 1, x.shape)
     ours, cells = entries(x, True, monkeypatch)
     # what is alike may be off by the rounding of positions, 1e-11 of a cell, and two neighbours by twice that
@@ -44,11 +48,11 @@ def test_kinds_that_one_number_does_not_tell_apart(monkeypatch: pytest.MonkeyPat
         def uniform(self, low: float, high: float, size: int) -> Array:
             return np.ones(size)
 
-    x = discretise(cantilever(8, 4), 1.0).points.x
+    x = discretise(cantilever(8, 4).body, 1.0).points.x
     with monkeypatch.context() as patched:
         patched.setattr("mpmtop.stiffness.np.random.default_rng", lambda seed: Equal())
         patched.setattr("mpmtop.stiffness.BY_CELL", 0)
-        model = discretise(cantilever(8, 4), 1.0)
+        model = discretise(cantilever(8, 4).body, 1.0)
     part = model.stiffness.maps[0]
     assert isinstance(part, CellMap)
     assert len(part.local) == len(x)
@@ -69,7 +73,7 @@ def test_kinds_that_one_number_does_not_tell_apart(monkeypatch: pytest.MonkeyPat
 def test_narrow_order(domain: Region, load: tuple[float, float], at_most: int) -> None:
     """The band is as wide as the body's narrow side, and twice that for an L, along whose diagonals it is numbered."""
     scene = cantilever(30, 30, domain=domain, load=PointLoad(load, (0.0, -1.0)))
-    solver = discretise(scene, 1.0, solver=BandedCholesky).solver
+    solver = discretise(scene.body, 1.0, solver=BandedCholesky).solver
     assert isinstance(solver, BandedCholesky)
     assert solver.bandwidth <= at_most
 
@@ -77,9 +81,9 @@ def test_narrow_order(domain: Region, load: tuple[float, float], at_most: int) -
 @pytest.mark.parametrize("missing", [0.0, 1e-13, 1e-6, 1e-3])
 def test_what_counts_as_cut(missing: float) -> None:
     """A cell that lacks a millionth of its volume is cut; one that rounding takes a hair from is not."""
-    points = discretise(cantilever(6, 4), 1.0).points
+    points = discretise(cantilever(6, 4).body, 1.0).points
     points = replace(points, volume=points.volume * np.where(np.arange(len(points.volume)) == 30, 1 - 4 * missing, 1))
-    model = discretise(cantilever(6, 4), 1.0, points=points, shape_function=gimp, ghost=0.01)
+    model = discretise(cantilever(6, 4).body, 1.0, points=points, shape_function=gimp, ghost=0.01)
     assert (model.ghost.modulus.shape[0] > 0) == (missing >= 1e-6)
 
 
@@ -87,7 +91,7 @@ def test_what_counts_as_cut(missing: float) -> None:
 def test_what_ties_to_a_support(tie: float, island: bool) -> None:
     """A body that turns about a pin, its far half behind a soft strip: a strip of 1e-6 ties it, 1e-8 does not."""
     pin = Support(Rectangle((0, 0), (0, 0)))
-    model = discretise(cantilever(12, 4, supports=(pin,)), 1.0, solver=BandedCholesky)
+    model = discretise(cantilever(12, 4, supports=(pin,)).body, 1.0, solver=BandedCholesky)
     soft = np.abs(model.points.x[:, 0] - 6) < 1
     with pytest.raises(UnsupportedBody) as error:
         equilibrium(model, np.where(soft, tie, 1.0))

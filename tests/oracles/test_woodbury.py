@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from mpmtop.equilibrium import discretise
+from mpmtop.arrays import Array
+from mpmtop.model import discretise
 from mpmtop.problem import DesignProblem
-from mpmtop.scene import Array, Compliance, PNormStress
+from mpmtop.scene import Compliance, PNormStress
 from mpmtop.shape_functions import gimp, tent
 from reference_fem.simp import design_problem
 from tests.scenes import cantilever
@@ -30,10 +31,11 @@ def subject(objective: Compliance | PNormStress, method: str) -> tuple[DesignPro
     scene = cantilever(8, 4, objective=objective)
     if method == "FEM":
         fem = design_problem(scene, 1.0)
-        return fem, finite_elements(scene, fem.model)  # type: ignore[return-value]
-    points = discretise(scene, 1.0).points.moved((0.3, 0.0))
-    model = discretise(scene, 1.0, 2, tent if method == "standard" else gimp, points=points)
-    return DesignProblem(model), material_points(model)
+        return fem, finite_elements(fem)  # type: ignore[return-value]
+    points = discretise(scene.body, 1.0).points.moved((0.3, 0.0))
+    model = discretise(scene.body, 1.0, 2, tent if method == "standard" else gimp, points=points)
+    problem = DesignProblem(model, scene.design, scene.objective)
+    return problem, material_points(problem)
 
 
 def densities(system: System) -> Array:

@@ -22,29 +22,21 @@ from skfem import solve as skfem_solve
 from skfem.assembly import BilinearForm
 from skfem.helpers import ddot, dot, eye, sym_grad, trace
 
+from mpmtop.arrays import Array
+from mpmtop.body import Body, Material, Support
+from mpmtop.design import Design
+from mpmtop.errors import InvalidScene, LoadOutsideBody, UnsupportedBody
+from mpmtop.loads import PointLoad, RegionLoad
 from mpmtop.optimize import GCMMA, optimize
-from mpmtop.region import Circle
-from mpmtop.scene import (
-    Array,
-    Compliance,
-    Difference,
-    InvalidScene,
-    LoadOutsideBody,
-    Material,
-    PNormStress,
-    PointLoad,
-    Rectangle,
-    RegionLoad,
-    Scene,
-    Support,
-    UnsupportedBody,
-)
+from mpmtop.region import Circle, Difference, Rectangle
+from mpmtop.scene import Compliance, PNormStress, Scene
 from reference_fem.boundary import locate_in_mesh, nodal_forces
 from reference_fem.elasticity import ELEMENT_CENTRE, FemModel, discretise, gauss_points, solve, stress
 from reference_fem.factorise import minimum_degree_superlu
 from reference_fem.hole import around_hole
 from reference_fem.mesh import element_centres, vector_basis
 from reference_fem.simp import design_problem
+from validation.bodies.scenes import changed
 from validation.oracles.woodbury import State, exact_derivatives, finite_elements
 
 Plane = Literal["strain", "stress"]
@@ -60,14 +52,9 @@ def plate(size: float) -> MeshQuad:
 
 def cantilever(load: PointLoad | RegionLoad | None = None, **changes: object) -> Scene:
     """The same, clamped on the left and pulled down in the middle of the right edge."""
-    scene = {
-        "name": "cantilever with a hole",
-        "domain": Difference(BODY, HOLE),
-        "supports": (Support(Rectangle((0, 0), (0, 30))),),
-        "loads": (load or PointLoad((45, 15), (0, -1)),),
-        "filter_radius": 4.0,
-    }
-    return Scene(**(scene | changes))  # type: ignore[arg-type]
+    left = Support(Rectangle((0, 0), (0, 30)))
+    body = Body(Difference(BODY, HOLE), (left,), (load or PointLoad((45, 15), (0, -1)),))
+    return changed(Scene("cantilever with a hole", body, Design(0.4, 4.0)), **changes)
 
 
 def densities(n: int, seed: int = 1) -> Array:
@@ -185,7 +172,7 @@ def test_holes_that_are_refused(centre: tuple[float, float], radius: float, size
 def test_patch(order: int, plane: Plane) -> None:
     """A linear displacement gives the constant stress of the written-out law, and no force on inner nodes."""
     scene = cantilever(material=Material(3.0, 0.25, plane))
-    model = discretise(scene, order=order, mesh=plate(3.0))
+    model = discretise(scene.body, order=order, mesh=plate(3.0))
     basis, young = model.basis, np.full(len(model.area), 3.0)
     a = np.array([[1e-3, 4e-4], [-2e-4, 5e-4]])  # grad u
     u = np.zeros(basis.N)
@@ -219,7 +206,7 @@ def test_equals_plain_scikit_fem(order: int, plane: Plane) -> None:
     """With the same Gauss rule, what asm, condense and solve give; finer rules change little."""
     scene = cantilever(PointLoad((45, 30), (0.5, -1), points=0), material=Material(7.0, 0.3, plane))
     mesh = plate(1.5 * order)
-    model = discretise(scene, order=order, mesh=mesh)
+    model = discretise(scene.body, order=order, mesh=mesh)
     assert model.factorise is minimum_degree_superlu
     young = 7 * densities(len(model.area)) ** 3
     compliance = model.f_ext @ solve(model, young)
@@ -293,16 +280,13 @@ def kirsch_displacement(x: Array, plane: Plane) -> Array:
 def kirsch_plate(size: float, order: int, plane: Plane) -> tuple[FemModel, float]:
     """A square of side 6 cut out of that plate under the tractions it had there, and their exact work."""
     supports = [((-3.0, 0.0), (False, True)), ((3.0, 0.0), (False, True)), ((0.0, -3.0), (True, False))]  # by symmetry
-    scene = Scene(
-        "Kirsch",
+    body = Body(
         Difference(Rectangle((-3, -3), (3, 3)), Circle((0, 0), 1)),
         tuple(Support(Rectangle(x, x), fixed) for x, fixed in supports),
-        (PointLoad((3, 0), (1, 0), points=0),),
-        filter_radius=1.0,
         material=Material(1.0, 0.3, plane),
     )
     mesh = around_hole((-3, -3), (3, 3), (0, 0), 1.0, size)
-    model = discretise(scene, order=order, mesh=mesh)
+    model = discretise(body, order=order, mesh=mesh)
     outer = mesh.facets_satisfying(lambda x: np.isclose(np.abs(x).max(axis=0), 3), boundaries_only=True)
     basis = FacetBasis(mesh, model.basis.elem, facets=outer, intorder=8)
 
@@ -341,8 +325,7 @@ def test_kirsch(order: int, plane: Plane) -> None:
 def test_strip_of_finite_width() -> None:
     """Howland (1930), Phil. Trans. R. Soc. A 229:49: 4.32 times the far stress for a hole half as wide as the strip."""
     ends = [Rectangle((x - 0.25, 0), (x + 0.25, 10)) for x in (0, 40)]
-    scene = Scene(
-        "strip",
+    body = Body(
         Difference(Rectangle((0, 0), (40, 10)), Circle((20, 5), 2.5)),
         (
             Support(Rectangle((20, 0), (20, 10)), (True, False)),
@@ -350,10 +333,9 @@ def test_strip_of_finite_width() -> None:
             Support(Rectangle((40, 5), (40, 5)), (False, True)),
         ),
         (RegionLoad(ends[0], (-10, 0)), RegionLoad(ends[1], (10, 0))),
-        filter_radius=1.0,
-        material=Material(1.0, 0.3, "stress"),
+        Material(1.0, 0.3, "stress"),
     )
-    model = discretise(scene, order=2, mesh=around_hole((0, 0), (40, 10), (20, 5), 2.5, 0.5))
+    model = discretise(body, order=2, mesh=around_hole((0, 0), (40, 10), (20, 5), 2.5, 0.5))
     solid = np.ones(len(model.area))
     edge = np.abs(np.hypot(*(model.basis.mesh.p[:, model.basis.mesh.t[0]].T - (20, 5)).T) - 2.5) < 1e-12
     sigma = stress(model, solve(model, solid), solid, np.array([[0.0], [0.5]]))[edge, 0]
@@ -425,7 +407,7 @@ def test_gradient_is_that_of_a_complex_step(objective: Compliance | PNormStress)
     assert p.space.solid.any() and p.space.void.any()
     x = densities(len(p.x0))
     at = p.evaluate(x)
-    exact = exact_derivatives(State.at(finite_elements(scene, p.model), at.rho))
+    exact = exact_derivatives(State.at(finite_elements(p), at.rho))
     # rounding times the condition number of a body with a void of contrast 1e-9, whose strains are large
     np.testing.assert_allclose(p.density_gradient(at), exact, rtol=0, atol=1e-9 * np.abs(exact).max())
     df0, dg = p.gradient(at)
@@ -481,14 +463,14 @@ def test_fingerprint_tells_meshes_apart() -> None:
 def test_meshes_that_are_refused() -> None:
     mesh = plate(3.0)
     with pytest.raises(InvalidScene, match="one of the two"):
-        discretise(cantilever(), 3.0, mesh=mesh)
+        discretise(cantilever().body, 3.0, mesh=mesh)
     with pytest.raises(InvalidScene, match="one of the two"):
-        discretise(cantilever())
+        discretise(cantilever().body)
     folded = mesh.p.copy()
     folded[:, mesh.t[2, -1]] = mesh.p[:, mesh.t[0, -1]] - 0.01
     with pytest.raises(InvalidScene, match="not convex"):
-        discretise(cantilever(), mesh=MeshQuad(folded, mesh.t))
+        discretise(cantilever().body, mesh=MeshQuad(folded, mesh.t))
     with pytest.raises(InvalidScene, match="outside the domain"):
-        discretise(cantilever(), mesh=mesh.translated((0.0, 4.0)))
+        discretise(cantilever().body, mesh=mesh.translated((0.0, 4.0)))
     with pytest.raises(InvalidScene, match="outside the domain"):
-        discretise(cantilever(), mesh=MeshQuad.init_tensor(np.linspace(0, 45, 46), np.linspace(0, 30, 31)))
+        discretise(cantilever().body, mesh=MeshQuad.init_tensor(np.linspace(0, 45, 46), np.linspace(0, 30, 31)))

@@ -12,22 +12,13 @@ from skfem import solve as skfem_solve
 from skfem.assembly import BilinearForm
 from skfem.helpers import ddot, eye, sym_grad, trace
 
-from mpmtop.scene import (
-    Array,
-    EmptyDomain,
-    Index,
-    InvalidScene,
-    LoadOutsideBody,
-    Mask,
-    Material,
-    NotConverged,
-    PointLoad,
-    Rectangle,
-    RegionLoad,
-    Scene,
-    Support,
-    UnsupportedBody,
-)
+from mpmtop.arrays import Array, Index, Mask
+from mpmtop.body import Body, Material, Support
+from mpmtop.design import Design
+from mpmtop.errors import EmptyDomain, InvalidScene, LoadOutsideBody, NotConverged, UnsupportedBody
+from mpmtop.loads import PointLoad, RegionLoad
+from mpmtop.region import Rectangle
+from mpmtop.scene import Scene
 from reference_fem import elasticity, factorise
 from reference_fem.boundary import nodal_forces
 from reference_fem.design import density_filter
@@ -35,6 +26,7 @@ from reference_fem.elasticity import discretise, gauss_points, solve, stress, un
 from reference_fem.mesh import lattice, vector_basis
 from reference_fem.reanalyse import build_judge, owners, reanalyse
 from reference_fem.simp import DesignProblem, Evaluation, design_problem, simp
+from validation.bodies.scenes import changed
 
 Plane = Literal["strain", "stress"]
 LEFT = Support(Rectangle((0, -np.inf), (0, np.inf)))
@@ -42,31 +34,22 @@ LEFT = Support(Rectangle((0, -np.inf), (0, np.inf)))
 
 def cantilever(load: object = None, **changes: object) -> Scene:
     """40 x 20, left edge clamped, unit force down at mid-height of the right edge, shared by six points."""
-    scene = Scene(
-        name="cantilever",
-        domain=Rectangle((0, 0), (40, 20)),
-        supports=(LEFT,),
-        loads=(load or PointLoad((40, 10), (0, -1)),),  # type: ignore[arg-type]
-        filter_radius=1.5,
-    )
-    return replace(scene, **changes)  # type: ignore[arg-type]
+    body = Body(Rectangle((0, 0), (40, 20)), (LEFT,), (load or PointLoad((40, 10), (0, -1)),))  # type: ignore[arg-type]
+    return changed(Scene("cantilever", body, Design(0.4, 1.5)), **changes)
 
 
 def mbb() -> Scene:
     """Half MBB beam in the units of the published educational codes."""
-    return Scene(
-        name="half MBB",
-        domain=Rectangle((0, 0), (60, 20)),
-        supports=(
+    body = Body(
+        Rectangle((0, 0), (60, 20)),
+        (
             Support(Rectangle((0, 0), (0, 20)), fixed=(True, False)),
             Support(Rectangle((60, 0), (60, 0)), fixed=(False, True)),
         ),
-        loads=(PointLoad((0, 20), (0, -1), points=0),),
-        filter_radius=2.4,
-        material=Material(young=1.0, poisson=0.3, plane="stress"),
-        volume_fraction=0.5,
-        rho_min=0.0,
+        (PointLoad((0, 20), (0, -1), points=0),),
+        Material(young=1.0, poisson=0.3, plane="stress"),
     )
+    return Scene("half MBB", body, Design(0.5, 2.4, rho_min=0.0))
 
 
 @dataclass(frozen=True)
@@ -102,7 +85,7 @@ def test_equals_plain_scikit_fem(order: int, plane: Plane) -> None:
     """The map, the order of elimination and the own solve give what asm, condense and solve give."""
     material = Material(young=7.0, poisson=0.3, plane=plane)
     scene = cantilever(PointLoad((40, 20), (0.5, -1), points=0), material=material)
-    model = discretise(scene, 1.0 if order == 2 else 0.5, order)
+    model = discretise(scene.body, 1.0 if order == 2 else 0.5, order)
     young = 7 * densities(len(model.area)) ** 3
     u = solve(model, young)
 
@@ -132,9 +115,9 @@ def test_equals_plain_scikit_fem(order: int, plane: Plane) -> None:
 def test_elimination_does_not_change_the_answer(monkeypatch: pytest.MonkeyPatch) -> None:
     """Banded Cholesky and SuperLU in nested dissection are two ways to the same u."""
     scene = cantilever()
-    banded = discretise(scene, 1.0, 2)
+    banded = discretise(scene.body, 1.0, 2)
     monkeypatch.setattr(factorise, "BANDED_ENTRIES", 0)
-    nested = discretise(scene, 1.0, 2)
+    nested = discretise(scene.body, 1.0, 2)
     assert (banded.factorise, nested.factorise) == (factorise.banded_cholesky, factorise.nested_superlu)
     young = densities(len(banded.area))
     # condition number 1e6 at unit round-off 1e-16
@@ -145,7 +128,7 @@ def test_elimination_does_not_change_the_answer(monkeypatch: pytest.MonkeyPatch)
 def test_nested_dissection_saves_fill(monkeypatch: pytest.MonkeyPatch, order: int) -> None:
     """Each dof once, and less fill than line by line: n log n against n^1.5 entries."""
     monkeypatch.setattr(factorise, "BANDED_ENTRIES", 0)
-    model = discretise(cantilever(), 0.5 * order, order)
+    model = discretise(cantilever().body, 0.5 * order, order)
     n = len(model.free)
     assert np.array_equal(np.sort(model.free), np.flatnonzero(model.basis.doflocs[0] > 0))
     K = model.stiffness(np.ones(len(model.area)))
@@ -168,8 +151,7 @@ def test_nested_dissection_saves_fill(monkeypatch: pytest.MonkeyPatch, order: in
 def test_patch(order: int, plane: Plane) -> None:
     """A linear displacement gives the constant stress of the written-out law, and no force on inner nodes."""
     material = Material(young=3.0, poisson=0.25, plane=plane)
-    scene = Scene("patch", LShape(), (LEFT,), (PointLoad((10, 4), (0, -1)),), 1.0, material)
-    model = discretise(scene, (1.0, 0.5), order)
+    model = discretise(Body(LShape(), (LEFT,), material=material), (1.0, 0.5), order)
     a = np.array([[1e-3, 4e-4], [-2e-4, 5e-4]])  # grad u
     u = np.zeros(model.basis.N)
     for c, dofs in enumerate(model.basis.split_indices()):
@@ -205,7 +187,7 @@ def test_von_mises() -> None:
 @pytest.mark.parametrize("order", [1, 2])
 def test_energy_identities(order: int) -> None:
     """Clapeyron, integral of sigma:eps = f.u, from stresses at Gauss points; sum dC/dlnE = -C from unit energies."""
-    model = discretise(cantilever(), 1.0, order)
+    model = discretise(cantilever().body, 1.0, order)
     young = densities(len(model.area)) ** 3
     u = solve(model, young)
     sigma = stress(model, u, young, gauss_points(model))
@@ -227,7 +209,7 @@ def test_independent_material_point_code() -> None:
     With the points' weights equal to the Gauss weights of bilinear elements its grid is this mesh.
     """
     column = FixedPositions(np.column_stack([np.full(40, 39.75), np.arange(0.25, 20, 0.5)]))
-    model = discretise(cantilever(column, material=Material(young=1e6)), 1.0)
+    model = discretise(cantilever(column, material=Material(young=1e6)).body, 1.0)
     compliance = model.f_ext @ solve(model, np.full(800, 1e6))
     # printed to twelve digits; the direct solves of two programs leave 1e-11
     assert compliance == pytest.approx(3.40685100860e-05, rel=2e-11)
@@ -238,8 +220,8 @@ def test_independent_material_point_code() -> None:
 
 def test_l_shape() -> None:
     """Cells outside a callable domain are absent, and with them their nodes."""
-    scene = Scene("L", LShape(), (Support(Rectangle((0, 10), (4, 10))),), (PointLoad((10, 4), (0, -1)),), 1.5)
-    model = discretise(scene, 0.5)
+    body = Body(LShape(), (Support(Rectangle((0, 10), (4, 10))),), (PointLoad((10, 4), (0, -1)),))
+    model = discretise(body, 0.5)
     assert len(model.area) == 400 - 144
     assert model.area.sum() == pytest.approx(64)  # 100 - 36
     assert model.basis.mesh.nvertices == 21 * 21 - 12 * 12
@@ -263,21 +245,21 @@ def test_load_keeps_force_and_moment(order: int, x: tuple[float, float]) -> None
 def test_errors_name_cause() -> None:
     scene = cantilever()
     with pytest.raises(InvalidScene, match="divide"):
-        discretise(scene, 0.7)
+        discretise(scene.body, 0.7)
     with pytest.raises(InvalidScene, match="positive"):
-        discretise(scene, -1.0)
+        discretise(scene.body, -1.0)
     with pytest.raises(InvalidScene, match="order 3"):
-        discretise(scene, 1.0, order=3)
+        discretise(scene.body, 1.0, order=3)
     with pytest.raises(EmptyDomain, match="smaller"):
-        discretise(replace(scene, domain=Ring()), 40.0)
+        discretise(changed(scene, domain=Ring()).body, 40.0)
     with pytest.raises(UnsupportedBody, match="no node"):
-        discretise(replace(scene, supports=(Support(Rectangle((0.2, 0.2), (0.8, 0.8))),)), 1.0)
+        discretise(changed(scene, supports=(Support(Rectangle((0.2, 0.2), (0.8, 0.8))),)).body, 1.0)
     with pytest.raises(UnsupportedBody, match="rigidly"):
-        discretise(replace(scene, supports=(Support(LEFT.region, fixed=(True, False)),)), 1.0)
+        discretise(changed(scene, supports=(Support(LEFT.region, fixed=(True, False)),)).body, 1.0)
     with pytest.raises(UnsupportedBody, match="rigidly"):  # a hinge
-        discretise(replace(scene, supports=(Support(Rectangle((0, 0), (0, 0))),)), 1.0)
+        discretise(changed(scene, supports=(Support(Rectangle((0, 0), (0, 0))),)).body, 1.0)
     with pytest.raises(LoadOutsideBody, match="no element"):
-        discretise(cantilever(FixedPositions(np.array([[50.0, 0.0]]))), 1.0)
+        discretise(cantilever(FixedPositions(np.array([[50.0, 0.0]]))).body, 1.0)
 
 
 @dataclass(frozen=True)
@@ -294,14 +276,14 @@ class Ring:
 def test_void_carries_no_load(monkeypatch: pytest.MonkeyPatch, entries: int) -> None:
     """Without any stiffness the matrix is singular, in either factorisation, and the error says so."""
     monkeypatch.setattr(factorise, "BANDED_ENTRIES", entries)
-    model = discretise(cantilever(), 1.0)
+    model = discretise(cantilever().body, 1.0)
     with pytest.raises(UnsupportedBody, match="contrast"):
         solve(model, np.where(model.centres[:, 0] < 20, 1.0, 0.0))
 
 
 def test_solution_is_checked(monkeypatch: pytest.MonkeyPatch) -> None:
     """A solve that is off by a part in 1e6 does not pass."""
-    model = discretise(cantilever(), 1.0)
+    model = discretise(cantilever().body, 1.0)
     wrong = replace(model, factorise=lambda K: lambda f: (1 + 1e-6) * model.factorise(K)(f))
     with pytest.raises(NotConverged, match="residual"):
         solve(wrong, np.ones(800))
@@ -331,10 +313,14 @@ def test_gradient_by_taylor_remainder(order: int) -> None:
 def test_simp_law() -> None:
     """Solid and void take their moduli; the derivative is the central difference."""
     scene = cantilever(contrast=1e-6, material=Material(young=5.0))
-    assert simp(np.array([0.0, 1.0]), scene)[0] == pytest.approx([5e-6, 5.0], rel=1e-15)
+    assert simp(np.array([0.0, 1.0]), scene.body.material, scene.design)[0] == pytest.approx([5e-6, 5.0], rel=1e-15)
     rho, h = np.linspace(0.1, 0.9, 9), 1e-5
-    difference = (simp(rho + h, scene)[0] - simp(rho - h, scene)[0]) / (2 * h)
-    assert simp(rho, scene)[1] == pytest.approx(difference, rel=1e-7)  # h^2 / 0.1^2 = 1e-8 and round-off 1e-11
+    difference = (
+        simp(rho + h, scene.body.material, scene.design)[0] - simp(rho - h, scene.body.material, scene.design)[0]
+    ) / (2 * h)
+    assert simp(rho, scene.body.material, scene.design)[1] == pytest.approx(
+        difference, rel=1e-7
+    )  # h^2 / 0.1^2 = 1e-8 and round-off 1e-11
 
 
 def test_filter() -> None:
@@ -353,13 +339,13 @@ def test_problem_applies_the_adjoint_filter() -> None:
     problem = design_problem(cantilever(filter_radius=5.0), 2.0)
     evaluation = problem.evaluate(densities(200))
     df0, dg = problem.gradient(evaluation)
-    d_young = simp(evaluation.rho, problem.scene)[1]
+    d_young = simp(evaluation.rho, problem.model.body.material, problem.design)[1]
     assert df0.sum() == pytest.approx(
         -d_young @ unit_work(problem.model, evaluation.u, evaluation.u), rel=1e-13
     )  # row sums of one
     y = densities(200, seed=5)
     assert y @ (problem.H @ evaluation.rho) == pytest.approx((problem.H.T @ y) @ evaluation.rho, rel=1e-14)
-    assert dg.sum() == pytest.approx(1 / problem.scene.volume_fraction, rel=1e-13)
+    assert dg.sum() == pytest.approx(1 / problem.design.volume_fraction, rel=1e-13)
 
 
 def test_problem_fingerprint() -> None:
@@ -367,7 +353,7 @@ def test_problem_fingerprint() -> None:
     scene = cantilever()
     prints = [
         design_problem(s, size, order).fingerprint
-        for s, size, order in [(scene, 2.0, 1), (scene, 2.0, 2), (scene, 1.0, 1), (replace(scene, penal=2.0), 2.0, 1)]
+        for s, size, order in [(scene, 2.0, 1), (scene, 2.0, 2), (scene, 1.0, 1), (changed(scene, penal=2.0), 2.0, 1)]
     ]
     assert len(set(prints)) == 4
     assert design_problem(cantilever(), 2.0).fingerprint == prints[0]
@@ -376,12 +362,12 @@ def test_problem_fingerprint() -> None:
 def published_update(problem: DesignProblem, x: Array, evaluation: Evaluation) -> Array:
     """Optimality criteria with the bisection of the educational codes (Andreassen et al., 2011), coarse as it is."""
     df0, dg = problem.gradient(evaluation)
-    benefit = np.sqrt(-df0 / (problem.scene.volume_fraction * len(x) * dg[0]))  # by the derivative of the plain sum
+    benefit = np.sqrt(-df0 / (problem.design.volume_fraction * len(x) * dg[0]))  # by the derivative of the plain sum
     low, high = 0.0, 1e9
     while high - low > 1e-3 * (low + high):
         middle = (low + high) / 2
         new = np.clip(x * benefit / np.sqrt(middle), np.maximum(0, x - 0.2), np.minimum(1, x + 0.2))
-        low, high = (middle, high) if (problem.H @ new).mean() > problem.scene.volume_fraction else (low, middle)
+        low, high = (middle, high) if (problem.H @ new).mean() > problem.design.volume_fraction else (low, middle)
     return new
 
 
@@ -406,7 +392,7 @@ def test_published_mbb_beam() -> None:
 
 
 def points(spacing: float) -> tuple[Array, Array]:
-    model = discretise(cantilever(), spacing)
+    model = discretise(cantilever().body, spacing)
     return model.centres, np.full((len(model.area), 2), spacing / 2)
 
 
@@ -416,9 +402,9 @@ def test_judge_at_one_element_per_point_is_the_model(order: int) -> None:
     x, half = points(1.0)
     rho = densities(800)
     scene = cantilever(RegionLoad(Rectangle((39, 0), (40, 20)), (0, -1)))
-    model = discretise(scene, 1.0, order)
+    model = discretise(scene.body, 1.0, order)
     judgement = reanalyse(scene, x, half, rho, split=1, order=order)
-    u = solve(model, simp(rho, scene)[0])
+    u = solve(model, simp(rho, scene.body.material, scene.design)[0])
     assert judgement.elements == 800
     if order == 1:
         assert judgement.compliance == pytest.approx(model.f_ext @ u, rel=1e-12)  # the same matrix

@@ -7,18 +7,13 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from mpmtop.scene import (
-    Array,
-    Compliance,
-    Difference,
-    InvalidScene,
-    Material,
-    PNormStress,
-    PointLoad,
-    Rectangle,
-    Scene,
-    Support,
-)
+from mpmtop.arrays import Array
+from mpmtop.body import Body, Material, Support
+from mpmtop.design import Design
+from mpmtop.errors import InvalidScene
+from mpmtop.loads import PointLoad
+from mpmtop.region import Difference, Rectangle
+from mpmtop.scene import Compliance, PNormStress, Scene
 from reference_fem import elasticity
 from reference_fem.elasticity import gauss_points, strain_operator, von_mises
 from reference_fem.factorise import Factorise, Solve
@@ -45,15 +40,13 @@ def densities(n: int, seed: int = 1) -> Array:
 def bar(plane: Plane = "stress", sides: int = 2) -> Scene:
     """8 x 2 bar under uniaxial stress 3: forces at the two Gauss points of each of the element sides at its end."""
     y = ((np.arange(sides)[:, None] + 0.5 + np.array([-0.5, 0.5]) / np.sqrt(3)) * 2 / sides).ravel()
-    return Scene(
-        "bar",
+    body = Body(
         Rectangle((0, 0), (8, 2)),
         (Support(Rectangle((0, 0), (0, 2)), (True, False)), Support(Rectangle((0, 0), (0, 0)))),
         tuple(PointLoad((8.0, float(b)), (3.0 / sides, 0.0), points=0) for b in y),
-        filter_radius=0.5,
-        material=Material(5.0, 0.3, plane),
-        objective=PNormStress(),
+        Material(5.0, 0.3, plane),
     )
+    return Scene("bar", body, Design(0.4, 0.5), PNormStress())
 
 
 # --- value ------------------------------------------------------------------------------------------------------------
@@ -91,7 +84,7 @@ def test_value_from_stresses(stress_at: StressPosition, plane: Plane, order: int
 
 def test_strain_operator_of_a_linear_displacement() -> None:
     """xx, yy and twice xy of the symmetric gradient at every position; nothing from a rotation."""
-    model = elasticity.discretise(cantilever(), (1.0, 0.5), 2)
+    model = elasticity.discretise(cantilever().body, (1.0, 0.5), 2)
     a = np.array([[1.0, 4.0], [-2.0, 5.0]])
     u = np.zeros(model.basis.N)
     for c, dofs in enumerate(model.basis.split_indices()):
@@ -202,7 +195,7 @@ def test_gradient_identities(stress_at: StressPosition, plane: Plane, p: float) 
     """J is of degree one in u and q in rho: u . dJ/du = f . lambda = J, rho . dJ/drho = q J at fixed u."""
     problem = problems(stress_at, plane, p=p)
     at = problem.analyse(densities(128))
-    by_rho, adjoint = problem.objective.gradient(at.rho, at.u, at.state.solve)
+    by_rho, adjoint = problem.functional.gradient(at.rho, at.u, at.state.solve)
     assert problem.model.f_ext @ adjoint == pytest.approx(at.objective, rel=1e-11)  # rounding times condition number
     assert at.rho @ by_rho == pytest.approx(0.5 * at.objective, rel=1e-13)
 
@@ -259,11 +252,11 @@ def test_unstressed_elements_do_no_harm(stress_at: StressPosition) -> None:
     problem = design_problem(stressed(), 0.5, stress_at=stress_at)
     at = problem.evaluate(densities(128))
     u = np.where(problem.model.basis.doflocs[0] < 4, at.u, 0)
-    by_rho, adjoint = problem.objective.gradient(at.rho, u, at.state.solve)
+    by_rho, adjoint = problem.functional.gradient(at.rho, u, at.state.solve)
     still = problem.model.centres[:, 0] > 4
     assert np.all(by_rho[still] == 0) and np.all(by_rho[~still] > 0) and np.all(np.isfinite(adjoint))
-    assert problem.objective.value(at.rho, 0 * u) == 0
-    for part in problem.objective.gradient(at.rho, 0 * u, at.state.solve):
+    assert problem.functional.value(at.rho, 0 * u) == 0
+    for part in problem.functional.gradient(at.rho, 0 * u, at.state.solve):
         assert np.all(part == 0)
 
 
@@ -272,14 +265,9 @@ def test_unstressed_elements_do_no_harm(stress_at: StressPosition) -> None:
 
 def l_bracket() -> Scene:
     """Arms 20 wide in a square of 50, clamped at the top, pulled down at the lower arm's upper right corner."""
-    return Scene(
-        "L-bracket",
-        Difference(Rectangle((0, 0), (50, 50)), Rectangle((20, 20), (50, 50))),
-        (Support(Rectangle((0, 50), (50, 50))),),
-        (PointLoad((50, 20), (0, -1)),),
-        filter_radius=1.0,
-        objective=PNormStress(),
-    )
+    domain = Difference(Rectangle((0, 0), (50, 50)), Rectangle((20, 20), (50, 50)))
+    body = Body(domain, (Support(Rectangle((0, 50), (50, 50))),), (PointLoad((50, 20), (0, -1)),))
+    return Scene("L-bracket", body, Design(0.4, 1.0), PNormStress())
 
 
 def test_l_bracket() -> None:
@@ -319,7 +307,7 @@ def test_judge_at_one_element_per_point_is_the_objective() -> None:
     judged = judge_stress(judge, rho, judge(rho))
     assert judged.p_norm == pytest.approx(problem.analyse(rho).objective, rel=1e-11)  # rounding times condition number
     assert judged.largest == judged.s.max() <= judged.p_norm
-    compliance = replace(judge, scene=replace(scene, objective=Compliance()))
+    compliance = replace(judge, objective=Compliance())
     assert judge_stress(compliance, rho, judge(rho)).p_norm == judged.p_norm  # the defaults are the paper's p and q
 
 

@@ -17,7 +17,7 @@ MOVES: tuple[Crossing, ...] = (Uniform(0.3), Jitter(0.3, 1))
 
 def sweep() -> list[Scattered]:
     """The shape function study's sweep over arrangements of points, as the study calls it, with fewer of them."""
-    reference = fem_gradients(seed(cantilever().domain, (SPACING, SPACING)))
+    reference = fem_gradients(seed(cantilever().body.domain, (SPACING, SPACING)))
     cases = [(name, move) for name in ("standard", "GIMP") for move in MOVES]
     return list(Parallel(return_as="generator")(delayed(scattered)(*case, reference) for case in cases))
 

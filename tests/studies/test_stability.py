@@ -14,12 +14,15 @@ import pytest
 import scipy.sparse as sp
 
 from mpmtop import equilibrium as library
-from mpmtop.equilibrium import Equilibrium, Model, equilibrium
+from mpmtop.arrays import Array, Mask
+from mpmtop.equilibrium import Equilibrium, equilibrium
+from mpmtop.errors import NotConverged, UnsupportedBody
+from mpmtop.loads import PointLoad
+from mpmtop.model import Model
 from mpmtop.optimize import CheckpointError, optimize
-from mpmtop.scene import Array, Mask, NotConverged, PointLoad, UnsupportedBody
 from mpmtop.solvers import BandedCholesky, MultigridCG, Solve
 from mpmtop.transfer import Transfer
-from validation.oracles.dense import body_of
+from validation.oracles.dense import equations_of
 from validation.oracles.extended import Undetermined, condition, extended, full_stiffness, pseudo_compliance
 from validation.studies.stability import cases as stability_cases
 from validation.studies.stability import interruption
@@ -167,7 +170,7 @@ def test_an_answer_to_a_singular_system_is_found(monkeypatch: pytest.MonkeyPatch
     loose_end = Analysis("", "", make, np.where(np.floor(lattice().x[:, 0]) == 3, 0.0, 1.0))
     assert outcome(loose_end.case).kind == "named error"
 
-    def unchecked(self: BandedCholesky, data: Array) -> Solve:
+    def unchecked(self: BandedCholesky, data: Array, tolerance: float) -> Solve:
         K = np.zeros((self.m, self.m))
         K[self.row, self.col] = K[self.col, self.row] = data
         return lambda b: np.linalg.pinv(K, rcond=1e-13, hermitian=True) @ b
@@ -200,14 +203,14 @@ def state_of(analysis: Analysis) -> tuple[Model, Equilibrium, Array]:
 def test_reference_is_of_the_same_problem(function: str) -> None:
     """Two routes to N, B, D, f_ext and K: some roundings apart."""
     model = direct(model_of(function, (0.1, 0.05), ghost=0.0 if "spline" in function else 0.01))
-    body = body_of(model)
-    np.testing.assert_array_equal(body.nodes, model.transfer.nodes)
-    np.testing.assert_array_equal(body.free, model.stiffness.dof)
+    equations = equations_of(model)
+    np.testing.assert_array_equal(equations.nodes, model.transfer.nodes)
+    np.testing.assert_array_equal(equations.free, model.stiffness.dof)
     for ours, theirs in (
-        (model.transfer.N_matrix.toarray(), body.N),
-        (model.transfer.B.toarray(), body.B),
-        (model.D, body.D),
-        (model.f_ext, body.f_ext),
+        (model.transfer.N_matrix.toarray(), equations.N),
+        (model.transfer.B.toarray(), equations.B),
+        (model.D, equations.D),
+        (model.f_ext, equations.f_ext),
     ):
         np.testing.assert_allclose(ours, theirs, rtol=0, atol=1e-14)
     moduli = np.random.default_rng(0).uniform(1e-3, 1, 40)
@@ -223,18 +226,18 @@ def test_reference_in_exact_arithmetic() -> None:
     rho = dict(fields(lattice().x))["loaded end on void"]
     moduli = np.where(rho > 0, 1.0, 1e-6)
     exact = extended(model, moduli)
-    body, K = exact.body, full_stiffness(model, moduli)
+    equations, K = exact.equations, full_stiffness(model, moduli)
     values = np.linalg.eigvalsh(K / np.sqrt(np.outer(np.diag(K), np.diag(K))))
     assert exact.condition == pytest.approx(values[-1] / values[0], rel=3)  # of another norm
-    u = np.random.default_rng(0).normal(size=len(body.free))
-    at = np.zeros(len(body.f_ext), np.longdouble)
-    at[body.free] = u
-    stress = (body.volume * moduli)[:, None] * ((body.B @ at).reshape(-1, 3) @ body.D)
-    load = body.B.T @ stress.ravel() + model.ghost.force(moduli, at)
+    u = np.random.default_rng(0).normal(size=len(equations.free))
+    at = np.zeros(len(equations.f_ext), np.longdouble)
+    at[equations.free] = u
+    stress = (equations.volume * moduli)[:, None] * ((equations.B @ at).reshape(-1, 3) @ equations.D)
+    load = equations.B.T @ stress.ravel() + model.ghost.force(moduli, at)
     # eps of extended precision, 1e-19, times the condition number, 1e6; 1e-9 where long doubles are doubles
     eps = float(np.finfo(np.longdouble).eps)
-    assert np.abs(exact.solve(load[body.free]) - u).max() < 100 * eps * exact.condition
-    assert pseudo_compliance(model, moduli) == pytest.approx(float(body.f_ext @ exact.u), rel=1e-8)
+    assert np.abs(exact.solve(load[equations.free]) - u).max() < 100 * eps * exact.condition
+    assert pseudo_compliance(model, moduli) == pytest.approx(float(equations.f_ext @ exact.u), rel=1e-8)
 
 
 def test_gradients_of_the_reference() -> None:
@@ -427,7 +430,7 @@ def test_damaged_checkpoints() -> None:
 
 def test_kills_that_do_not_kill_are_found(monkeypatch: pytest.MonkeyPatch) -> None:
     """A run that nobody kills ends as the whole one: that says nothing."""
-    problem, rule = interruption.design_problem(), interruption.RULES["MMA"]
+    problem, rule = interruption.interrupted(), interruption.RULES["MMA"]
     whole = interruption.last_of(
         optimize(problem, rule, max_iterations=interruption.ITERATIONS, stop=lambda history: False)
     )

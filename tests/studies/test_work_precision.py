@@ -6,18 +6,18 @@ import pytest
 import scipy.sparse as sp
 from numpy.polynomial.legendre import leggauss
 
-from mpmtop.equilibrium import Model
-from mpmtop.scene import Material
+from mpmtop.body import Material
+from mpmtop.model import Model
 from mpmtop.shape_functions import ShapeFunction, bspline2, bspline3, gimp, tent
 from validation.bodies import manufactured
 from validation.bodies.beam import (
     BEAM,
     SLENDER,
     beam,
+    beam_body,
     beam_elements,
     beam_energy,
     beam_places,
-    beam_scene,
     beam_tractions,
 )
 from validation.bodies.cook import cook_elements
@@ -127,7 +127,7 @@ def test_cook_by_elements_is_too_stiff_and_converges() -> None:
 @pytest.fixture(params=[tent, gimp, bspline2, bspline3])
 def model(request: pytest.FixtureRequest) -> Model:
     function: ShapeFunction = request.param
-    return points_model(beam_scene(4), function, 2, Uniform(0.0))
+    return points_model(beam_body(4), function, 2, Uniform(0.0))
 
 
 def test_probes_reproduce_linear_fields(model: Model) -> None:

@@ -1,12 +1,13 @@
 """Timoshenko's cantilever: its closed form, and its analyses under the exact tractions."""
 
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
+from mpmtop.arrays import Array
+from mpmtop.body import Body, Material, Support
 from mpmtop.equilibrium import equilibrium
-from mpmtop.scene import Array, Material, PointLoad, Rectangle, Scene, Support
+from mpmtop.region import Rectangle
 from mpmtop.shape_functions import ShapeFunction
 from reference_fem import elasticity
 from reference_fem.boundary import nodal_forces
@@ -62,13 +63,12 @@ def beam_energy(depth: float, material: Material = BEAM) -> float:
     return L**3 / (6 * E * i) + 6 * (1 + nu) * L / (5 * E * depth)
 
 
-def beam_scene(n: int, material: Material = BEAM) -> Scene:
-    """The beam, n deep and n even, on the supports of its closed form. Its tractions replace the load."""
+def beam_body(n: int, material: Material = BEAM) -> Body:
+    """The beam, n deep and n even, on the supports of its closed form; its tractions are given apart."""
     at_left = [
         Support(Rectangle((0.0, y), (0.0, y)), fixed) for y, fixed in ((n / 2, (True, True)), (n, (True, False)))
     ]
-    body = Rectangle((0.0, 0.0), (float(SLENDER * n), float(n)))
-    return Scene("Timoshenko's cantilever", body, tuple(at_left), (PointLoad((n, n / 2), (0, -1), 0),), 1.0, material)
+    return Body(Rectangle((0.0, 0.0), (float(SLENDER * n), float(n))), tuple(at_left), (), material)
 
 
 def beam_tractions(n: int) -> tuple[Array, Array]:
@@ -111,15 +111,14 @@ def beam_places(n: int) -> Array:
 
 def beam_points(n: int, shape_function: ShapeFunction, ppc: int, crossing: Crossing) -> Measure:
     """Timoshenko's cantilever with n cells over its depth."""
-    scene = beam_scene(n)
-    model = points_model(scene, shape_function, ppc, crossing)
+    body = beam_body(n)
+    model = points_model(body, shape_function, ppc, crossing)
     x, forces = beam_tractions(n)
-    f = probe(model, within(x, scene)).force(forces, len(model.transfer.nodes))
-    model = replace(model, f_ext=f)
-    state = equilibrium(model, np.ones(len(model.points.x)))
+    f = probe(model, within(x, body)).force(forces, len(model.transfer.nodes))
+    state = equilibrium(model, np.ones(len(model.points.x)), f_ext=f)
 
     def outcome() -> Outcome:
-        at = probe(model, within(beam_places(n), scene)).displacement(state.u)
+        at = probe(model, within(beam_places(n), body)).displacement(state.u)
         return of_points(model, beam_errors(at, float(f @ state.u) / 2, n))
 
     return outcome
@@ -127,9 +126,9 @@ def beam_points(n: int, shape_function: ShapeFunction, ppc: int, crossing: Cross
 
 def beam_elements(n: int, order: int) -> Measure:
     """Timoshenko's cantilever with n elements over its depth."""
-    scene = beam_scene(n)
-    basis = vector_basis(lattice(scene.domain.bounds, np.ones(2)), order)
-    model = fem_model(scene, basis, nodal_forces(basis, *beam_tractions(n)))
+    body = beam_body(n)
+    basis = vector_basis(lattice(body.domain.bounds, np.ones(2)), order)
+    model = fem_model(body, basis, nodal_forces(basis, *beam_tractions(n)))
     u = elasticity.solve(model, np.ones(len(model.area)))
     at = displacement_at(model, u, beam_places(n))
     return lambda: of_elements(model, beam_errors(at, float(model.f_ext @ u) / 2, n))

@@ -5,9 +5,12 @@ from functools import cache
 import numpy as np
 from skfem import CellBasis, LinearForm, MeshQuad
 
+from mpmtop.arrays import Array
+from mpmtop.body import Body, Material, Support
 from mpmtop.equilibrium import equilibrium
+from mpmtop.loads import RegionLoad
 from mpmtop.material import tangent
-from mpmtop.scene import Array, Difference, Material, Rectangle, RegionLoad, Scene, Support
+from mpmtop.region import Difference, Rectangle
 from mpmtop.shape_functions import ShapeFunction
 from reference_fem import elasticity
 from reference_fem.boundary import locate_in_lattice, locate_in_mesh
@@ -32,18 +35,21 @@ PATH = np.stack([4 + 12 * ALONG, 33 + 4 * ALONG], axis=1)
 (20h, 20h). It is oblique and its positions lie on no line of any grid, so that no place within a cell is preferred."""
 
 
-def bracket_scene(n: int) -> Scene:
+def bracket_body(n: int) -> Body:
     """The L-bracket, n cells or elements along its side, n a multiple of five; a unit force down is spread over the
     last 10h x 10h of the lower arm, the same for every discretisation."""
     size, corner = float(n), 0.4 * n
-    return Scene(
-        "L-bracket",
+    return Body(
         Difference(Rectangle((0.0, 0.0), (size, size)), Rectangle((corner, corner), (size, size))),
         (Support(Rectangle((-np.inf, size), (np.inf, np.inf))),),
-        (RegionLoad(Rectangle((0.8 * n, 0.2 * n), (size, corner)), (0.0, -1.0)),),
-        1.0,
+        (RegionLoad(loaded_part(n), (0.0, -1.0)),),
         BRACKET,
     )
+
+
+def loaded_part(n: int) -> Rectangle:
+    """The last 10h x 10h of the lower arm."""
+    return Rectangle((0.8 * n, 0.2 * n), (float(n), 0.4 * n))
 
 
 def path_error(stress: Array) -> dict[str, float]:
@@ -58,7 +64,7 @@ def path_error(stress: Array) -> dict[str, float]:
 
 def bracket_points(n: int, shape_function: ShapeFunction, ppc: int, crossing: Crossing) -> Measure:
     """Stress on the path of the L-bracket, as points of the model's own size would have it there."""
-    model = points_model(bracket_scene(n), shape_function, ppc, crossing)
+    model = points_model(bracket_body(n), shape_function, ppc, crossing)
     state = equilibrium(model, np.ones(len(model.points.x)))
 
     def outcome() -> Outcome:
@@ -70,12 +76,12 @@ def bracket_points(n: int, shape_function: ShapeFunction, ppc: int, crossing: Cr
 
 def bracket_solution(n: int, mesh: MeshQuad, order: int) -> tuple[FemModel, Array]:
     """Model of the bracket on a mesh with lines at the edges of the loaded part, and stress (96, 3) on the path."""
-    scene, basis = bracket_scene(n), vector_basis(mesh, order)
-    loaded = scene.loads[0].region.contains(mesh.p[:, mesh.t].mean(axis=1).T)  # type: ignore[union-attr]
+    body, basis = bracket_body(n), vector_basis(mesh, order)
+    loaded = loaded_part(n).contains(mesh.p[:, mesh.t].mean(axis=1).T)
     part = CellBasis(mesh, basis.elem, intorder=2 * order, elements=np.flatnonzero(loaded), dofs=basis.dofs)
     f = LinearForm(lambda v, w: -v[1]).assemble(part) / part.dx.sum()
     graded = np.ptp(np.diff(np.unique(mesh.p[0]))) > INSIDE
-    model = fem_model(scene, basis, f, *([minimum_degree_elimination] if graded else []))
+    model = fem_model(body, basis, f, *([minimum_degree_elimination] if graded else []))
     u = elasticity.solve(model, np.ones(len(model.area)))
     x = PATH * n / BRACKET_SIDE
     return model, n * strain_at(model, u, x, (locate_in_mesh if graded else locate_in_lattice)) @ tangent(BRACKET)
@@ -83,7 +89,7 @@ def bracket_solution(n: int, mesh: MeshQuad, order: int) -> tuple[FemModel, Arra
 
 def bracket_elements(n: int, order: int) -> Measure:
     """The same by elements of side 1."""
-    model, stress = bracket_solution(n, domain_lattice(bracket_scene(n), np.ones(2)), order)
+    model, stress = bracket_solution(n, domain_lattice(bracket_body(n).domain, np.ones(2)), order)
     return lambda: of_elements(model, path_error(stress))
 
 
@@ -95,6 +101,6 @@ def bracket_reference(per_h: float = 1) -> Array:
     lines = np.linspace(0, BRACKET_SIDE, round(BRACKET_SIDE * per_h) + 1)
     lines = np.sort(np.concatenate([lines, corner - near, corner + near]))
     mesh = MeshQuad.init_tensor(lines, lines)
-    scene = bracket_scene(round(BRACKET_SIDE))
-    kept = np.flatnonzero(scene.domain.contains(mesh.p[:, mesh.t].mean(axis=1).T))
+    domain = bracket_body(round(BRACKET_SIDE)).domain
+    kept = np.flatnonzero(domain.contains(mesh.p[:, mesh.t].mean(axis=1).T))
     return bracket_solution(round(BRACKET_SIDE), mesh.restrict(kept), 2)[1]

@@ -19,9 +19,13 @@ import numpy as np
 import pandas as pd
 from scipy.special import lambertw
 
-from mpmtop.equilibrium import discretise, equilibrium
+from mpmtop.arrays import Array
+from mpmtop.body import Body, Material, Support
+from mpmtop.equilibrium import equilibrium
+from mpmtop.loads import RegionLoad
+from mpmtop.model import discretise
 from mpmtop.points import MaterialPoints, seed
-from mpmtop.scene import Array, Material, Rectangle, RegionLoad, Scene, Support
+from mpmtop.region import Rectangle
 from mpmtop.shape_functions import ShapeFunction
 
 LENGTH = 50.0  # l0
@@ -51,7 +55,7 @@ class ColumnErrors(NamedTuple):
     volume: float
 
 
-def scene(h: float) -> Scene:
+def column(h: float) -> Body:
     """The column, one cell of size h wide; its weight is shared equally by the points, as they have equal mass."""
     inf = np.inf
     body = Rectangle((0.0, 0.0), (h, LENGTH))
@@ -60,13 +64,11 @@ def scene(h: float) -> Scene:
         Rectangle((-inf, -inf), (0.0, inf)),
         Rectangle((h, -inf), (inf, inf)),
     )
-    return Scene(
-        name="column",
-        domain=body,
-        supports=(Support(base, (False, True)), Support(left, (True, False)), Support(right, (True, False))),
-        loads=(RegionLoad(body, (0.0, -BASE_STRESS * h)),),
-        filter_radius=h,
-        material=Material(young=YOUNG, poisson=0.0, plane="strain"),
+    return Body(
+        body,
+        (Support(base, (False, True)), Support(left, (True, False)), Support(right, (True, False))),
+        (RegionLoad(body, (0.0, -BASE_STRESS * h)),),
+        Material(young=YOUNG, poisson=0.0, plane="strain"),
     )
 
 
@@ -76,7 +78,7 @@ def errors(cells: int, shape_function: ShapeFunction, *, deformed: bool) -> Colu
     `deformed` puts the points where Hencky's law takes them, their volumes and half-lengths stretched with them.
     """
     h = LENGTH / cells
-    body = scene(h)
+    body = column(h)
     points = initial = seed(body.domain, (h / 2, h / 2))
     Y = initial.x[:, 1]
     if deformed:

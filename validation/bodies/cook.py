@@ -5,9 +5,11 @@ from functools import cache
 import numpy as np
 from skfem import MeshQuad
 
+from mpmtop.arrays import Array
+from mpmtop.body import Body, Material, Support
 from mpmtop.equilibrium import equilibrium
-from mpmtop.region import Polygon
-from mpmtop.scene import Array, Material, Rectangle, RegionLoad, Scene, Support
+from mpmtop.loads import RegionLoad
+from mpmtop.region import Polygon, Rectangle
 from mpmtop.shape_functions import ShapeFunction, gimp, tent
 from reference_fem import elasticity
 from reference_fem.boundary import locate_in_mesh, nodal_forces
@@ -31,22 +33,22 @@ COOK_REFERENCE = 23.96
 """Displacement at (48, 52) in common use."""
 
 
-def cook_scene(scale: float, spacing: float = 1.0) -> Scene:
+def cook_body(scale: float, spacing: float = 1.0) -> Body:
     """Cook's membrane, clamped at its left edge, a unit force up on the last column of points."""
     corners = tuple((float(x), float(y)) for x, y in COOK_CORNERS * scale)
     last = RegionLoad(Rectangle((48 * scale - spacing, 0.0), (48 * scale, np.inf)), (0.0, 1.0))
-    return Scene("Cook's membrane", Polygon(corners), (CLAMP,), (last,), 1.0, COOK)
+    return Body(Polygon(corners), (CLAMP,), (last,), COOK)
 
 
 def cook_points(n: int, shape_function: ShapeFunction, ppc: int, crossing: Crossing, ghost: float = 0.01) -> Measure:
     """Cook's membrane on n cells along x; the slanted edges cut cells. Ghost penalty for tent and GIMP."""
     scale = n / 48
-    scene = cook_scene(scale, 1 / ppc)
-    model = points_model(scene, shape_function, ppc, crossing, ghost if shape_function in (tent, gimp) else 0.0)
+    body = cook_body(scale, 1 / ppc)
+    model = points_model(body, shape_function, ppc, crossing, ghost if shape_function in (tent, gimp) else 0.0)
     state = equilibrium(model, np.ones(len(model.points.x)))
 
     def outcome() -> Outcome:
-        tip = probe(model, within(COOK_TIP * scale, scene)).displacement(state.u)[0, 1]
+        tip = probe(model, within(COOK_TIP * scale, body)).displacement(state.u)[0, 1]
         return of_points(model, {"tip displacement": abs(float(tip) / cook_reference() - 1)})
 
     return outcome
@@ -67,7 +69,7 @@ def cook_solution(mesh: MeshQuad, order: int) -> tuple[FemModel, float]:
     at = (y[:-1, None] + np.diff(y)[:, None] * (1 + node) / 2).ravel()
     force = np.outer((np.diff(y)[:, None] * weight / 2).ravel() / 16, [0.0, 1.0])
     f = nodal_forces(basis, np.stack([np.full_like(at, 48.0), at], axis=1), force, locate_in_mesh)
-    model = fem_model(cook_scene(1.0), basis, f, minimum_degree_elimination)
+    model = fem_model(cook_body(1.0), basis, f, minimum_degree_elimination)
     u = elasticity.solve(model, np.ones(len(model.area)))
     return model, float(displacement_at(model, u, COOK_TIP)[0, 1])
 

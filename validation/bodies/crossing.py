@@ -10,8 +10,9 @@ from typing import Protocol
 
 import numpy as np
 
+from mpmtop.arrays import Array
 from mpmtop.points import MaterialPoints
-from mpmtop.scene import Array, Region
+from mpmtop.region import Region
 from validation.bodies.scenes import H
 
 

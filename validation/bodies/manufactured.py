@@ -14,10 +14,12 @@ import scipy.sparse as sp
 from skfem import CellBasis, LinearForm
 from skfem.helpers import dot
 
+from mpmtop.arrays import Array, Index
+from mpmtop.body import Body, Material, Support
 from mpmtop.grid import Grid
 from mpmtop.material import tangent
 from mpmtop.points import MaterialPoints, seed
-from mpmtop.scene import Array, Difference, Index, Material, PointLoad, Rectangle, Region, Scene, Support
+from mpmtop.region import Difference, Rectangle, Region
 from mpmtop.shape_functions import ShapeFunction, bspline2, bspline3
 from mpmtop.solvers import Pattern, choose_solver
 from mpmtop.transfer import Transfer, transfer
@@ -229,19 +231,11 @@ def finite_elements(cells: int, order: int) -> FiniteElementAnalysis:
     side = cells * H
     square = Rectangle((0.0, 0.0), (side, side))
     everywhere = Rectangle((-np.inf, -np.inf), (np.inf, np.inf))
-    # a scene asks for a load; the body force takes its place
-    scene = Scene(
-        "square, held",
-        square,
-        (Support(Difference(everywhere, square)),),
-        (PointLoad((0.0, 0.0), (1.0, 0.0), 0),),
-        1.0,
-        MATERIAL,
-    )
+    body = Body(square, (Support(Difference(everywhere, square)),), material=MATERIAL)
     basis = vector_basis(lattice(square.bounds, np.array([H, H])), order)
     fine = CellBasis(basis.mesh, basis.elem, intorder=2 * order + 2, dofs=basis.dofs)
     b = exact(np.asarray(fine.global_coordinates()).reshape(2, -1).T, side).body_force.T.reshape(2, *fine.dx.shape)
-    model = fem_model(scene, basis, LinearForm(lambda v, w: dot(w.b, v)).assemble(fine, b=b))
+    model = fem_model(body, basis, LinearForm(lambda v, w: dot(w.b, v)).assemble(fine, b=b))
     u = np.zeros(basis.N)
     for a, dofs in enumerate(basis.split_indices()):
         u[dofs] = exact(basis.doflocs[:, dofs].T, side).u[:, a]

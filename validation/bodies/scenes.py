@@ -5,13 +5,16 @@ leaves open (where the tip force acts, the filter's radius, rho_min, the meaning
 are our choice.
 """
 
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import Any, Literal
 
 import numpy as np
 
+from mpmtop.body import Body, Material, Support
+from mpmtop.design import Design
+from mpmtop.loads import PointLoad, RegionLoad
 from mpmtop.region import Circle, Difference, Rectangle, Region
-from mpmtop.scene import Material, PNormStress, PointLoad, RegionLoad, Scene, Support
+from mpmtop.scene import PNormStress, Scene
 
 H = 1.0
 """Background cell size h."""
@@ -21,19 +24,27 @@ SPACING = 0.5 * H
 TipLoad = Literal["mid-height", "bottom corner"]
 
 
+def changed(scene: Scene, **changes: Any) -> Scene:
+    """The scene with other numbers, by the names of the fields of its body, its design and its own."""
+    parts = {
+        part: replace(getattr(scene, part), **{f.name: changes.pop(f.name) for f in fields(of) if f.name in changes})
+        for part, of in (("body", Body), ("design", Design))
+    }
+    return replace(scene, **parts, **changes)
+
+
+CLAMP = Support(Rectangle((-np.inf, -np.inf), (0.0, np.inf)))
+"""A left edge at x = 0, held."""
+SOLID = Material(young=1.0, poisson=0.3, plane="strain")
+"""In every scene of the paper."""
+
+
 def cantilever(load: TipLoad = "mid-height", radius: float = 3 * SPACING, **changes: Any) -> Scene:
     """Fig. 7a: 40h x 20h, left edge clamped, unit force down at the right edge, shared by the six nearest points."""
     tip = {"mid-height": (40.0, 10.0), "bottom corner": (40.0, 0.0)}[load]
-    return Scene(
-        name=f"cantilever, load at {load}",
-        domain=Rectangle((0.0, 0.0), (40.0, 20.0)),
-        supports=(Support(Rectangle((-np.inf, -np.inf), (0.0, np.inf))),),
-        loads=(PointLoad(tip, (0.0, -1.0), points=6),),
-        filter_radius=radius,
-        material=Material(young=1.0, poisson=0.3, plane="strain"),
-        volume_fraction=0.4,
-        **changes,
-    )
+    domain = Rectangle((0.0, 0.0), (40.0, 20.0))
+    body = Body(domain, (CLAMP,), (PointLoad(tip, (0.0, -1.0), points=6),), SOLID)
+    return changed(Scene(f"cantilever, load at {load}", body, Design(0.4, radius)), **changes)
 
 
 def extended_cantilever() -> Scene:
@@ -41,9 +52,8 @@ def extended_cantilever() -> Scene:
 
     The same body on the same supports for any shift of its points in x by less than 2h.
     """
-    scene = cantilever()
-    return replace(
-        scene,
+    return changed(
+        cantilever(),
         name="cantilever, extended",
         domain=Rectangle((-2.0, 0.0), (42.0, 20.0)),
         loads=(PointLoad((40.0, 10.0), (0.0, -1.0), points=0),),
@@ -60,29 +70,17 @@ def l_bracket(radius: float = 2 * SPACING, **changes: Any) -> Scene:
     The p-norm of the relaxed stress is minimised, p = 12 and q = 0.5.
     """
     size = 50.0
-    settings: dict[str, Any] = {
-        "name": "L-bracket",
-        "domain": Difference(Rectangle((0.0, 0.0), (size, size)), Rectangle(CORNER, (size, size))),
-        "supports": (Support(Rectangle((-np.inf, size), (np.inf, np.inf))),),
-        "loads": (PointLoad((size, CORNER[1]), (0.0, -1.0), points=6),),
-        "filter_radius": radius,
-        "material": Material(young=1.0, poisson=0.3, plane="strain"),
-        "volume_fraction": 0.4,
-        "objective": PNormStress(p=12.0, q=0.5),
-    }
-    return Scene(**(settings | changes))
+    domain = Difference(Rectangle((0.0, 0.0), (size, size)), Rectangle(CORNER, (size, size)))
+    top = Support(Rectangle((-np.inf, size), (np.inf, np.inf)))
+    body = Body(domain, (top,), (PointLoad((size, CORNER[1]), (0.0, -1.0), points=6),), SOLID)
+    return changed(Scene("L-bracket", body, Design(0.4, radius), PNormStress(p=12.0, q=0.5)), **changes)
 
 
 def toy_cantilever(width: float = 4.0, height: float = 1.0) -> Scene:
     """Fig. 3: four cells of 2 x 2 points, left edge clamped, unit force down on the lower right point."""
-    return Scene(
-        name=f"toy cantilever, {width:g} x {height:g} cells",
-        domain=Rectangle((0.0, 0.0), (width, height)),
-        supports=(Support(Rectangle((-np.inf, -np.inf), (0.0, np.inf))),),
-        loads=(PointLoad((width - SPACING / 2, SPACING / 2), (0.0, -1.0), points=1),),
-        filter_radius=SPACING,
-        material=Material(young=1.0, poisson=0.3, plane="strain"),
-    )
+    corner = PointLoad((width - SPACING / 2, SPACING / 2), (0.0, -1.0), points=1)
+    body = Body(Rectangle((0.0, 0.0), (width, height)), (CLAMP,), (corner,), SOLID)
+    return Scene(f"toy cantilever, {width:g} x {height:g} cells", body, Design(0.4, SPACING))
 
 
 HOLE = Circle((15.0, 15.0), 10.0)
@@ -96,17 +94,10 @@ def perforated(hole: Region = HOLE, *, absent: bool, **changes: Any) -> Scene:
     Multidisc. Optim. 21:120, Sect. 4.3, which the paper refers to.
     """
     plate = Rectangle((0.0, 0.0), (45.0, 30.0))
-    settings: dict[str, Any] = {
-        "name": "cantilever with a hole",
-        "domain": Difference(plate, hole) if absent else plate,
-        "supports": (Support(Rectangle((-np.inf, -np.inf), (0.0, np.inf))),),
-        "loads": (PointLoad((45.0, 0.0), (0.0, -1.0), points=6),),
-        "filter_radius": 3 * SPACING,
-        "material": Material(young=1.0, poisson=0.3, plane="strain"),
-        "volume_fraction": 0.4,
-        "passive_void": None if absent else hole,
-    }
-    return Scene(**(settings | changes))
+    domain = Difference(plate, hole) if absent else plate
+    body = Body(domain, (CLAMP,), (PointLoad((45.0, 0.0), (0.0, -1.0), points=6),), SOLID)
+    design = Design(0.4, 3 * SPACING, passive_void=None if absent else hole)
+    return changed(Scene("cantilever with a hole", body, design), **changes)
 
 
 def distributed_load(radius: float = 1.0, depth: float = 1 / 3) -> Scene:
@@ -114,12 +105,6 @@ def distributed_load(radius: float = 1.0, depth: float = 1 / 3) -> Scene:
 
     They are those above a depth, h/3: a row of coarse points or two rows of fine ones.
     """
-    return Scene(
-        name="cantilever, distributed load",
-        domain=Rectangle((0.0, 0.0), (30.0, 15.0)),
-        supports=(Support(Rectangle((-np.inf, -np.inf), (0.0, np.inf))),),
-        loads=(RegionLoad(Rectangle((0.0, 15.0 - depth), (30.0, 15.0)), (0.0, -1.0)),),
-        filter_radius=radius,
-        material=Material(young=1.0, poisson=0.3, plane="strain"),
-        volume_fraction=0.4,
-    )
+    edge = RegionLoad(Rectangle((0.0, 15.0 - depth), (30.0, 15.0)), (0.0, -1.0))
+    body = Body(Rectangle((0.0, 0.0), (30.0, 15.0)), (CLAMP,), (edge,), SOLID)
+    return Scene("cantilever, distributed load", body, Design(0.4, radius))

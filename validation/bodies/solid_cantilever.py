@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from mpmtop.arrays import Array
 from mpmtop.points import MaterialPoints
-from mpmtop.scene import Array
 from reference_fem import elasticity
 from reference_fem.reanalyse import build_judge
 from validation.bodies.scenes import cantilever

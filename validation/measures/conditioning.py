@@ -7,8 +7,9 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import LinearOperator, eigsh
 
-from mpmtop.equilibrium import Equilibrium, Model
-from mpmtop.scene import Array
+from mpmtop.arrays import Array
+from mpmtop.equilibrium import Equilibrium
+from mpmtop.model import Model
 
 CERTAIN = 1e14
 """Beyond this no digit of a condition number is certain."""

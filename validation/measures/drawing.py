@@ -8,8 +8,8 @@ from matplotlib.collections import PolyCollection
 from matplotlib.image import AxesImage
 
 from mpmtop import plot
+from mpmtop.arrays import Array
 from mpmtop.fields import rectangles
-from mpmtop.scene import Array
 
 # Okabe and Ito's colours but for yellow, too faint on white; line styles tell them apart where they print grey.
 STYLE: dict[str, Any] = {

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import scipy.sparse as sp
 
-from mpmtop.equilibrium import Model
+from mpmtop.model import Model
 from mpmtop.shape_functions import ShapeFunction
 from reference_fem.elasticity import FemModel
 from validation.bodies.crossing import Crossing

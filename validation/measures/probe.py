@@ -4,9 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mpmtop.equilibrium import Model, discretise
+from mpmtop.arrays import Array, Index
+from mpmtop.body import Body
+from mpmtop.model import Model, discretise
 from mpmtop.points import MaterialPoints, seed
-from mpmtop.scene import Array, Index, Scene
 from mpmtop.shape_functions import ShapeFunction
 from mpmtop.transfer import Transfer, transfer
 from reference_fem.boundary import Locate
@@ -17,12 +18,10 @@ INSIDE = 1e-9
 """Positions on the edge of the body are taken this far within it [h]: a cell on the other side holds no point."""
 
 
-def points_model(
-    scene: Scene, shape_function: ShapeFunction, ppc: int, crossing: Crossing, ghost: float = 0.0
-) -> Model:
-    """The scene on cells of size 1 with ppc x ppc points in each, moved by `crossing`."""
-    points = crossing(seed(scene.domain, (1 / ppc, 1 / ppc)), scene.domain)
-    return discretise(scene, 1.0, points=points, shape_function=shape_function, ghost=ghost)
+def points_model(body: Body, shape_function: ShapeFunction, ppc: int, crossing: Crossing, ghost: float = 0.0) -> Model:
+    """The body on cells of size 1 with ppc x ppc points in each, moved by `crossing`."""
+    points = crossing(seed(body.domain, (1 / ppc, 1 / ppc)), body.domain)
+    return discretise(body, 1.0, points=points, shape_function=shape_function, ghost=ghost)
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,9 +62,9 @@ def probe(model: Model, x: Array, half_length: float = INSIDE / 10) -> Probe:
     return Probe(operators, np.searchsorted(model.transfer.nodes, operators.nodes), len(x))
 
 
-def within(x: Array, scene: Scene) -> Array:
+def within(x: Array, body: Body) -> Array:
     """Positions (k, 2) at least INSIDE from the sides of the domain's box."""
-    lower, upper = scene.domain.bounds
+    lower, upper = body.domain.bounds
     return np.clip(x, lower + INSIDE, upper - INSIDE)
 
 

@@ -9,11 +9,12 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from mpmtop import problem
-from mpmtop.equilibrium import discretise
+from mpmtop.arrays import Array, Index
 from mpmtop.material import von_mises
+from mpmtop.model import discretise
 from mpmtop.optimize import GCMMA, Iterate, Problem, UpdateRule, optimize
 from mpmtop.points import MaterialPoints, seed
-from mpmtop.scene import Array, Index, Scene
+from mpmtop.scene import Scene
 from mpmtop.shape_functions import ShapeFunction, bspline2, bspline3, gimp, tent
 from reference_fem import elasticity, simp
 from validation.bodies.crossing import Crossing
@@ -109,15 +110,15 @@ def material_points(
     """
 
     def build(scene: Scene) -> Analyser:
-        grid = points or seed(scene.domain, (SPACING, SPACING))
-        moved = crossing(grid, scene.domain) if crossing else grid
-        model = discretise(scene, H, points=moved, shape_function=shape_function)
+        grid = points or seed(scene.body.domain, (SPACING, SPACING))
+        moved = crossing(grid, scene.body.domain) if crossing else grid
+        model = discretise(scene.body, H, points=moved, shape_function=shape_function)
 
         def stress(evaluation: problem.Evaluation) -> Array:
-            solid = np.full(len(evaluation.rho), scene.material.young)
-            return von_mises(model.stress(solid, evaluation.state.strain), scene.material)
+            solid = np.full(len(evaluation.rho), scene.body.material.young)
+            return von_mises(model.stress(solid, evaluation.state.strain), scene.body.material)
 
-        design = problem.DesignProblem(model, grid, filter_passive=filter_passive)
+        design = problem.DesignProblem(model, scene.design, scene.objective, grid, filter_passive)
         return Analyser(name, scene, design, grid.x, grid.half_length, stress)
 
     return build
@@ -129,7 +130,7 @@ def finite_elements(scene: Scene) -> Analyser:
     model = fem.model
 
     def stress(evaluation: simp.Evaluation) -> Array:
-        solid = np.full(len(evaluation.rho), scene.material.young)
+        solid = np.full(len(evaluation.rho), scene.body.material.young)
         return elasticity.von_mises(elasticity.stress(model, evaluation.u, solid))[:, 0]
 
     return Analyser("FEM", scene, fem, model.centres, np.full_like(model.centres, SPACING / 2), stress)
@@ -172,7 +173,7 @@ class Optimisation:
                 designs[iterate.iteration] = analyser.design(iterate.evaluation.rho)
         designs[iterate.iteration] = analyser.design(iterate.evaluation.rho)
         objective, constraint, solves = np.array(rows).T
-        volume = analyser.scene.volume_fraction * (1 + constraint)
+        volume = analyser.scene.design.volume_fraction * (1 + constraint)
         return cls(objective, volume, solves.astype(np.intp), designs, iterate.converged)
 
     @property

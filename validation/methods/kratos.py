@@ -15,8 +15,8 @@ import KratosMultiphysics.MPMApplication as mpm
 import numpy as np
 from KratosMultiphysics.MPMApplication.mpm_static_solver import MPMStaticSolver
 
-from mpmtop.equilibrium import Model, held_dofs
-from mpmtop.scene import Array, Index
+from mpmtop.arrays import Array, Index
+from mpmtop.model import Model, held_dofs
 
 km.Logger.GetDefaultOutput().SetSeverity(km.Logger.Severity.WARNING)
 km.ParallelUtilities.SetNumThreads(1)
@@ -72,14 +72,14 @@ class Kratos:
         corners = np.stack([grid.node_index(i + a, j + b) for a, b in ((0, 0), (1, 0), (1, 1), (0, 1))], axis=1)
         _quadrilaterals(part, position, corners, part.CreateNewProperties(0))
         self.solver.AddDofs()
-        held = held_dofs(self.model.scene, position, tol=1e-9 * min(grid.h))
+        held = held_dofs(self.model.body.supports, position, tol=1e-9 * min(grid.h))
         for node, component in np.stack(np.divmod(np.flatnonzero(held), 2), axis=1).tolist():
             part.GetNode(node + 1).Fix((km.DISPLACEMENT_X, km.DISPLACEMENT_Y)[component])
 
     def _hang_loads(self) -> None:
         """Kratos reads loads that are not at nodes from conditions among the grid's, and makes points of them."""
         model, part = self.model, self._grid.CreateSubModelPart("Loads")
-        acts = [load.act(model.points.x, 1e-9 * min(model.grid.h)) for load in model.scene.loads]
+        acts = [load.act(model.points.x, 1e-9 * min(model.grid.h)) for load in model.body.loads]
         positions, forces = (np.concatenate(column) for column in zip(*acts, strict=True))
         first = self._grid.NumberOfNodes() + 1
         for k, (x, force) in enumerate(zip(positions.tolist(), forces.tolist(), strict=True)):
@@ -92,7 +92,7 @@ class Kratos:
 
     def _seed_points(self) -> None:
         """A quadrilateral for the domain of each point, of which Kratos makes one point at its centre."""
-        points, material = self.model.points, self.model.scene.material
+        points, material = self.model.points, self.model.body.material
         part = self.parts["Initial_Body"].CreateSubModelPart("Points")
         solid = part.CreateNewProperties(1)
         solid.SetValue(km.YOUNG_MODULUS, material.young)

@@ -23,7 +23,8 @@ from skfem import (
 )
 from skfem.helpers import ddot, eye, sym_grad, trace
 
-from mpmtop.scene import Array, Scene
+from mpmtop.arrays import Array
+from mpmtop.scene import Scene
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +48,7 @@ class PlainProblem:
     @cached_property
     def mesh(self) -> MeshQuad:
         """The mesh."""
-        lower, upper = self.scene.domain.bounds
+        lower, upper = self.scene.body.domain.bounds
         axes = (np.linspace(a, b, n + 1) for a, b, n in zip(lower, upper, (self.nx, self.ny), strict=True))
         return MeshQuad.init_tensor(*axes)
 
@@ -69,7 +70,7 @@ class PlainProblem:
     @cached_property
     def filter(self) -> sp.csr_matrix:
         """Cone filter with rows that sum to one."""
-        tree, radius = KDTree(self.centres), self.scene.filter_radius
+        tree, radius = KDTree(self.centres), self.scene.design.filter_radius
         distance = tree.sparse_distance_matrix(tree, radius, output_type="coo_matrix")
         weight = sp.csr_matrix((radius - distance.data, (distance.row, distance.col)))
         return sp.diags(1 / np.asarray(weight.sum(axis=1)).ravel()) @ weight
@@ -78,7 +79,7 @@ class PlainProblem:
     def f_ext(self) -> Array:
         """The load's six forces through the basis at their positions."""
         f = np.zeros(self.basis.N)
-        for load in self.scene.loads:
+        for load in self.scene.body.loads:
             x, force = load.act(self.centres, 1e-9)
             f += self.basis.probes(x.T).T @ force.T.ravel()
         return f
@@ -86,12 +87,12 @@ class PlainProblem:
     @property
     def x0(self) -> Array:
         """The volume fraction everywhere."""
-        return np.full(len(self.centres), self.scene.volume_fraction)
+        return np.full(len(self.centres), self.scene.design.volume_fraction)
 
     @property
     def lower(self) -> Array:
         """rho_min."""
-        return np.full(len(self.centres), self.scene.rho_min)
+        return np.full(len(self.centres), self.scene.design.rho_min)
 
     @property
     def upper(self) -> Array:
@@ -106,18 +107,22 @@ class PlainProblem:
     def evaluate(self, x: Array) -> Evaluation:
         """Assemble, condense, solve."""
         rho = self.filter @ x
-        young = self.scene.contrast + rho**self.scene.penal * (1 - self.scene.contrast)
-        K = stiffness.assemble(self.basis, young=self.density_basis.interpolate(young), nu=self.scene.material.poisson)
+        young = self.scene.design.contrast + rho**self.scene.design.penal * (1 - self.scene.design.contrast)
+        K = stiffness.assemble(
+            self.basis, young=self.density_basis.interpolate(young), nu=self.scene.body.material.poisson
+        )
         u = solve(*condense(K, self.f_ext, D=self.basis.get_dofs(lambda x: np.isclose(x[0], 0))))
-        volume = np.mean(rho) / self.scene.volume_fraction - 1
+        volume = np.mean(rho) / self.scene.design.volume_fraction - 1
         return Evaluation(float(self.f_ext @ u), np.array([volume]), rho, u)
 
     def gradient(self, evaluation: Evaluation) -> tuple[Array, Array]:
         """Strain energies of the elements, back through SIMP and the filter."""
         u = self.basis.interpolate(evaluation.u)
-        work = energy.elemental(self.basis, u=u, nu=self.scene.material.poisson)
-        slope = self.scene.penal * evaluation.rho ** (self.scene.penal - 1) * (1 - self.scene.contrast)
-        weight = np.full(len(self.centres), 1 / (self.scene.volume_fraction * len(self.centres)))
+        work = energy.elemental(self.basis, u=u, nu=self.scene.body.material.poisson)
+        slope = (
+            self.scene.design.penal * evaluation.rho ** (self.scene.design.penal - 1) * (1 - self.scene.design.contrast)
+        )
+        weight = np.full(len(self.centres), 1 / (self.scene.design.volume_fraction * len(self.centres)))
         return self.filter.T @ (-slope * work), (self.filter.T @ weight)[None]
 
 

@@ -12,9 +12,9 @@ from unittest.mock import patch
 import matplotlib as mpl
 import numpy as np
 
-from mpmtop.equilibrium import discretise
-from mpmtop.problem import DesignProblem
-from mpmtop.scene import Array, Scene
+from mpmtop.arrays import Array
+from mpmtop.problem import design_problem
+from mpmtop.scene import Scene
 from validation.bodies.scenes import SPACING, H, cantilever
 from validation.measures.timing import cpu_seconds, iteration
 from validation.methods.analyser import MOVE
@@ -42,38 +42,38 @@ class PyMoto:
 
     def __post_init__(self) -> None:
         scene = self.scene
-        lower, upper = scene.domain.bounds
+        lower, upper = scene.body.domain.bounds
         side = float((upper - lower)[0] / self.nx)
         domain = pymoto.VoxelDomain(self.nx, self.ny, unitx=side, unity=side)
         clamped = domain.get_dofnumber(domain.nodes[0, :].ravel(), [0, 1], ndof=2).ravel()
-        self.design = pymoto.Signal("design", np.full(domain.nel, scene.volume_fraction))
-        stiff, contrast = 1 - scene.contrast, scene.contrast
+        self.design = pymoto.Signal("design", np.full(domain.nel, scene.design.volume_fraction))
+        stiff, contrast = 1 - scene.design.contrast, scene.design.contrast
         with pymoto.Network() as network:
-            self.rho = pymoto.DensityFilter(domain, radius=scene.filter_radius / side)(self.design)
-            moduli = pymoto.MathExpression(f"{contrast} + {stiff}*inp0^{scene.penal}")(self.rho)
+            self.rho = pymoto.DensityFilter(domain, radius=scene.design.filter_radius / side)(self.design)
+            moduli = pymoto.MathExpression(f"{contrast} + {stiff}*inp0^{scene.design.penal}")(self.rho)
             K = pymoto.AssembleStiffness(
-                domain, bc=clamped, e_modulus=scene.material.young, poisson_ratio=scene.material.poisson
+                domain, bc=clamped, e_modulus=scene.body.material.young, poisson_ratio=scene.body.material.poisson
             )(moduli)
             f = self._load(domain, side)
             u = pymoto.LinSolve(symmetric=True, positive_definite=True)(K, f)
             self.objective = pymoto.EinSum("i,i->")(u, f)
             volume = pymoto.EinSum("i->")(self.rho)
-            bound = scene.volume_fraction * domain.nel
+            bound = scene.design.volume_fraction * domain.nel
             constraint = pymoto.MathExpression(f"inp0/{bound} - 1")(volume)
         self.optimizer = pymoto.MMA(
             self.design,
             [self.objective, constraint],
             network,
             move=self.move,
-            xmin=scene.rho_min,
+            xmin=scene.design.rho_min,
             xmax=1.0,
             verbosity=0,
         )
 
     def _load(self, domain: Any, side: float) -> Array:
         """Nodal forces (2n,): each share of the load at an element's centre, a quarter to each of its nodes."""
-        centres = np.array(domain.get_element_position())[:2].T + self.scene.domain.bounds[0]
-        acts = [load.act(centres, 1e-9 * side) for load in self.scene.loads]
+        centres = np.array(domain.get_element_position())[:2].T + self.scene.body.domain.bounds[0]
+        acts = [load.act(centres, 1e-9 * side) for load in self.scene.body.loads]
         positions, forces = (np.concatenate(part) for part in zip(*acts, strict=True))
         element = np.argmin(np.linalg.norm(centres - positions[:, None], axis=2), axis=1)
         f = np.zeros((domain.nnodes, 2))
@@ -108,7 +108,7 @@ def iterations(nx: int, ny: int, repeats: int) -> dict[str, Iteration]:
     spacing = SPACING * 80 / nx
     scene = cantilever(radius=3 * spacing)
     steps = {
-        "mpmtop": iteration(DesignProblem(discretise(scene, 2 * spacing * H, 2))),
+        "mpmtop": iteration(design_problem(scene, 2 * spacing * H, 2)),
         "pyMOTO": PyMoto(scene, nx, ny, MOVE).step,
         "plain scikit-fem": iteration(PlainProblem(scene, nx, ny)),
     }

@@ -15,10 +15,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mpmtop.equilibrium import Model
+from mpmtop.arrays import Array, Index
+from mpmtop.body import Body, Material
 from mpmtop.grid import Grid
+from mpmtop.loads import PointLoad, RegionLoad
+from mpmtop.model import Model
 from mpmtop.points import MaterialPoints
-from mpmtop.scene import Array, Index, Material, RegionLoad, Scene
 
 EXTENDED: Any = np.longdouble
 ON = 1e-9
@@ -37,7 +39,7 @@ class Quantities(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Body:
+class Equations:
     """N (p, a) and B (3p, 2a) at the `nodes` (a,) that points touch, D (3, 3), f_ext (2a,), the `free` unknowns (m,) of
     2a, volumes (p,), and the ghost penalty's `jump` (2f, a) and `modulus` (f, p)."""
 
@@ -52,20 +54,20 @@ class Body:
     modulus: Array
 
 
-def body_of(model: Model) -> Body:
+def equations_of(model: Model) -> Equations:
     """What the model should hold."""
-    grid, points, scene = model.grid, model.points, model.scene
+    grid, points, body = model.grid, model.points, model.body
     nodes, N, B = operators(grid, points, model.shape_function.__name__)
-    f_ext = nodal_force(scene, grid, points.x, N)
+    f_ext = nodal_force(body.loads, grid, points.x, N)
     x = grid.origin[0] + nodes // (grid.cells[1] + 1) * EXTENDED(grid.h[0])
-    free = np.flatnonzero(np.repeat(x > clamp(scene) + ON * min(grid.h), 2))
+    free = np.flatnonzero(np.repeat(x > clamp(body) + ON * min(grid.h), 2))
     jump, modulus = model.ghost.jump.toarray(), model.ghost.modulus.toarray()
-    return Body(nodes, N, B, tangent(scene.material), f_ext, free, points.volume, jump, modulus)
+    return Equations(nodes, N, B, tangent(body.material), f_ext, free, points.volume, jump, modulus)
 
 
-def clamp(scene: Scene) -> float:
+def clamp(body: Body) -> float:
     """Nodes up to this x are held, in both components."""
-    (support,) = scene.supports
+    (support,) = body.supports
     return float(support.region.bounds[1][0])
 
 
@@ -175,11 +177,11 @@ def tangent(material: Material) -> Array:
     return D
 
 
-def nodal_force(scene: Scene, grid: Grid, x: Array, N: Array) -> Array:
+def nodal_force(loads: tuple[PointLoad | RegionLoad, ...], grid: Grid, x: Array, N: Array) -> Array:
     """f_i = sum_p N_ip f_p, (2a,): equal shares of the points in the region or nearest to the load, where those at the
     last distance, if they are too many, divide what is left."""
     share = np.zeros((len(x), 2), EXTENDED)
-    for load in scene.loads:
+    for load in loads:
         if isinstance(load, RegionLoad):
             inside = load.region.contains(x, ON * min(grid.h))
             share[inside] += np.array(load.force) / EXTENDED(inside.sum())
@@ -192,16 +194,23 @@ def nodal_force(scene: Scene, grid: Grid, x: Array, N: Array) -> Array:
 
 
 def objectives(
-    body: Body, u: Array, moduli: Array, rho: Array, solve: Callable[[Array], Array], scene: Scene, p: float, q: float
+    equations: Equations,
+    u: Array,
+    moduli: Array,
+    rho: Array,
+    solve: Callable[[Array], Array],
+    material: Material,
+    p: float,
+    q: float,
 ) -> Quantities:
     """All that is judged, of displacements u (2a,); `solve` takes and gives free unknowns (m,).
 
     dC/dE_p = -V_p eps_p . D eps_p. J = (sum s_p^p)^(1/p), s_p = rho_p^q vm(E0 D eps_p): with K lambda = dJ/du,
     dJ/dE_p = -V_p eps_p(lambda) . D eps_p, zero if all that carries stress is void. The ghost penalty adds its energy.
     """
-    strain = (body.B @ u).reshape(-1, 3)
-    xx, yy, xy = scene.material.young * (strain @ body.D).T
-    nu = scene.material.poisson if scene.material.plane == "strain" else 0.0
+    strain = (equations.B @ u).reshape(-1, 3)
+    xx, yy, xy = material.young * (strain @ equations.D).T
+    nu = material.poisson if material.plane == "strain" else 0.0
     zz = nu * (xx + yy)
     vm = np.sqrt(xx**2 + yy**2 + zz**2 - xx * yy - yy * zz - zz * xx + 3 * xy**2)
     s = rho**q * vm
@@ -211,23 +220,23 @@ def objectives(
     by_zz = nu * (2 * zz - xx - yy)
     by_stress = np.stack([2 * xx - yy - zz + by_zz, 2 * yy - xx - zz + by_zz, 6 * xy], axis=1)
     weight = (s / (J if J > 0 else 1)) ** (p - 1) * rho**q / np.where(vm > 0, 2 * vm, 1)
-    by_u = body.B.T @ (scene.material.young * (weight[:, None] * by_stress) @ body.D).ravel()
+    by_u = equations.B.T @ (material.young * (weight[:, None] * by_stress) @ equations.D).ravel()
     adjoint = np.zeros_like(u)
-    adjoint[body.free] = solve(by_u[body.free])
+    adjoint[equations.free] = solve(by_u[equations.free])
     return Quantities(
-        np.array([body.f_ext @ u]),
+        np.array([equations.f_ext @ u]),
         np.array([J]),
-        moduli * by_moduli(body, u, u),
-        moduli * by_moduli(body, adjoint, u),
-        body.N @ u.reshape(-1, 2),
+        moduli * by_moduli(equations, u, u),
+        moduli * by_moduli(equations, adjoint, u),
+        equations.N @ u.reshape(-1, 2),
     )
 
 
-def by_moduli(body: Body, v: Array, u: Array) -> Array:
+def by_moduli(equations: Equations, v: Array, u: Array) -> Array:
     """-v . dK/dE_p u, (p,)."""
-    left, right = ((body.B @ w).reshape(-1, 3) for w in (v, u))
-    energy = -body.volume * ((left @ body.D) * right).sum(axis=1)
-    if len(body.modulus):
-        jumps = (body.jump @ v.reshape(-1, 2)) * (body.jump @ u.reshape(-1, 2))
-        energy -= body.modulus.T @ jumps.reshape(-1, 4).sum(axis=1)
+    left, right = ((equations.B @ w).reshape(-1, 3) for w in (v, u))
+    energy = -equations.volume * ((left @ equations.D) * right).sum(axis=1)
+    if len(equations.modulus):
+        jumps = (equations.jump @ v.reshape(-1, 2)) * (equations.jump @ u.reshape(-1, 2))
+        energy -= equations.modulus.T @ jumps.reshape(-1, 4).sum(axis=1)
     return energy

@@ -11,9 +11,9 @@ import numpy as np
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
 from scipy.linalg.lapack import dpocon
 
-from mpmtop.equilibrium import Model
-from mpmtop.scene import Array
-from validation.oracles.dense import EXTENDED, Body, body_of
+from mpmtop.arrays import Array
+from mpmtop.model import Model
+from validation.oracles.dense import EXTENDED, Equations, equations_of
 
 SINGULAR = 1e15
 """Condition number of the scaled K beyond which double precision does not tell it from a singular matrix."""
@@ -27,7 +27,7 @@ class Extended(NamedTuple):
     """The body's equations, displacements u (2a,), the solver of its K for the free unknowns, and the condition number
     of K scaled by its diagonal."""
 
-    body: Body
+    equations: Equations
     u: Array
     solve: Callable[[Array], Array]
     condition: float
@@ -35,25 +35,25 @@ class Extended(NamedTuple):
 
 def extended(model: Model, moduli: Array) -> Extended:
     """The reference. Raises Undetermined."""
-    body = body_of(model)
-    K = assembled(body, moduli)
+    equations = equations_of(model)
+    K = assembled(equations, moduli)
     number, factor, root = factored(K)
     if number > SINGULAR:
         raise Undetermined(f"the stiffness is singular to double precision: condition number {number:.0e}")
-    B = np.ascontiguousarray(body.B[:, body.free])
-    stiff = (body.volume * moduli)[:, None]
+    B = np.ascontiguousarray(equations.B[:, equations.free])
+    stiff = (equations.volume * moduli)[:, None]
 
     def residual_of(b: Array, u: Array) -> Array:
-        residual: Array = b - B.T @ (stiff * ((B @ u).reshape(-1, 3) @ body.D)).ravel()
-        if len(body.modulus):
-            full = np.zeros(len(body.f_ext), EXTENDED)
-            full[body.free] = u
-            jumps = np.repeat(body.modulus @ moduli, 2)[:, None] * (body.jump @ full.reshape(-1, 2))
-            residual -= (body.jump.T @ jumps).ravel()[body.free]
+        residual: Array = b - B.T @ (stiff * ((B @ u).reshape(-1, 3) @ equations.D)).ravel()
+        if len(equations.modulus):
+            full = np.zeros(len(equations.f_ext), EXTENDED)
+            full[equations.free] = u
+            jumps = np.repeat(equations.modulus @ moduli, 2)[:, None] * (equations.jump @ full.reshape(-1, 2))
+            residual -= (equations.jump.T @ jumps).ravel()[equations.free]
         return residual
 
     def solve(b: Array) -> Array:
-        u: Array = np.zeros(len(body.free), EXTENDED)
+        u: Array = np.zeros(len(equations.free), EXTENDED)
         residual, last = np.asarray(b, EXTENDED), np.inf
         while True:
             step = cho_solve(factor, (residual / root).astype(float)) / root
@@ -63,32 +63,32 @@ def extended(model: Model, moduli: Array) -> Extended:
             u += step
             residual, last = residual_of(b, u), change
 
-    u: Array = np.zeros(len(body.f_ext), EXTENDED)
-    u[body.free] = solve(body.f_ext[body.free])
-    return Extended(body, u, solve, number)
+    u: Array = np.zeros(len(equations.f_ext), EXTENDED)
+    u[equations.free] = solve(equations.f_ext[equations.free])
+    return Extended(equations, u, solve, number)
 
 
 def pseudo_compliance(model: Model, moduli: Array) -> float:
     """f . K^+ f, with mechanisms left out: eigenvalues of the scaled K below 1e-12."""
-    body = body_of(model)
-    K, f = assembled(body, moduli), body.f_ext[body.free].astype(float)
+    equations = equations_of(model)
+    K, f = assembled(equations, moduli), equations.f_ext[equations.free].astype(float)
     root = np.sqrt(np.diag(K))
     return float((f / root) @ np.linalg.pinv(K / root / root[:, None], rcond=1e-12, hermitian=True) @ (f / root))
 
 
 def full_stiffness(model: Model, moduli: Array) -> Array:
     """K (m, m) of the free degrees of freedom."""
-    return assembled(body_of(model), moduli)
+    return assembled(equations_of(model), moduli)
 
 
-def assembled(body: Body, moduli: Array) -> Array:
+def assembled(equations: Equations, moduli: Array) -> Array:
     """sum_p E_p V_p B_p^T D B_p and the ghost penalty, for the free unknowns, (m, m)."""
-    B = body.B[:, body.free].astype(float)
-    DB = (body.volume * moduli)[:, None, None] * (body.D.astype(float) @ B.reshape(len(moduli), 3, -1))
+    B = equations.B[:, equations.free].astype(float)
+    DB = (equations.volume * moduli)[:, None, None] * (equations.D.astype(float) @ B.reshape(len(moduli), 3, -1))
     K: Array = B.T @ DB.reshape(len(B), -1)
-    if len(body.modulus):
-        ties = body.jump.T @ (np.repeat(body.modulus @ moduli, 2)[:, None] * body.jump)
-        K += np.kron(ties, np.eye(2))[np.ix_(body.free, body.free)]
+    if len(equations.modulus):
+        ties = equations.jump.T @ (np.repeat(equations.modulus @ moduli, 2)[:, None] * equations.jump)
+        K += np.kron(ties, np.eye(2))[np.ix_(equations.free, equations.free)]
     return K
 
 

@@ -25,10 +25,14 @@ import numpy.typing as npt
 import scipy.sparse as sp
 from scipy.linalg import solve_triangular
 
-from mpmtop.equilibrium import Model
+from mpmtop.arrays import Array, Index
+from mpmtop.body import Material
+from mpmtop.design import Design
 from mpmtop.material import simp, tangent, von_mises
-from mpmtop.scene import Array, Compliance, Index, PNormStress, Scene
-from reference_fem.elasticity import FemModel, strain_operator
+from mpmtop.problem import DesignProblem
+from mpmtop.scene import Compliance, PNormStress
+from reference_fem.elasticity import strain_operator
+from reference_fem.simp import DesignProblem as FemProblem
 
 Numbers = npt.NDArray[Any]  # real or complex
 STEP = 1e-30
@@ -90,7 +94,9 @@ class System:
     own, for another sum of the same terms would round differently.
     """
 
-    scene: Scene
+    material: Material
+    design: Design
+    objective: Compliance | PNormStress
     unknown: Index
     F: Array
     f: Array
@@ -99,7 +105,7 @@ class System:
 
     def moduli(self, rho: Numbers) -> Numbers:
         """Young's moduli (p,) for densities (p,), real or complex, Eq. (10)."""
-        return self.scene.material.young * simp(rho, self.scene.penal, self.scene.contrast)[0]
+        return self.material.young * simp(rho, self.design.penal, self.design.contrast)[0]
 
     @cached_property
     def stress_root(self) -> sp.csr_array:
@@ -109,17 +115,18 @@ class System:
         """
         unit = np.eye(3)
         pairs = [(unit[:, None] + sign * unit).reshape(9, 3) for sign in (1, -1)]
-        sums, differences = (von_mises(self.solid_stress(strain), self.scene.material) ** 2 for strain in pairs)
+        sums, differences = (von_mises(self.solid_stress(strain), self.material) ** 2 for strain in pairs)
         R = np.linalg.cholesky((sums - differences).reshape(3, 3) / 4).T
         return sp.csr_array(sp.kron(R, sp.eye_array(len(self.F))) @ self.strain)
 
     def solid_stress(self, strain: Array) -> Array:
         """Stresses (m, 3) of solid material under strains (m, 3)."""
-        return self.scene.material.young * strain @ tangent(self.scene.material)
+        return self.material.young * strain @ tangent(self.material)
 
 
-def material_points(model: Model) -> System:
-    """The system of a material point model: F_p = sqrt(V_p) C B_p with C^T C = D."""
+def material_points(problem: DesignProblem) -> System:
+    """The system of a problem of material points: F_p = sqrt(V_p) C B_p with C^T C = D."""
+    model = problem.model
     transfer, pattern = model.transfer, model.stiffness
     p, nodes = transfer.stencil.shape
     gx, gy = np.moveaxis(transfer.grad_N, -1, 0)
@@ -133,22 +140,23 @@ def material_points(model: Model) -> System:
         return sp.csr_array(lower + sp.triu(lower.T, k=1))
 
     local = (2 * transfer.stencil[:, :, None] + np.arange(2)).reshape(p, 2 * nodes)
-    return _system(model.scene, pattern.dof, local, F, model.f_ext, transfer.B, matrix)
+    return _system(problem, pattern.dof, local, F, model.f_ext, transfer.B, matrix)
 
 
-def finite_elements(scene: Scene, model: FemModel) -> System:
-    """The system of a finite element model, F from the eigenvectors of the element matrices but for rigid motions.
+def finite_elements(problem: FemProblem) -> System:
+    """The system of a problem of finite elements, F from eigenvectors of the element matrices, without rigid motions.
 
     Strains are those at the element centres; unknowns are in the model's order, a band at the sizes of the studies.
     """
+    model = problem.model
     values, vectors = np.linalg.eigh(model.matrices)
     F = (np.sqrt(values[:, 3:, None]) * np.swapaxes(vectors[:, :, 3:], 1, 2))[model.shape]
     local, strain = model.basis.element_dofs.T, strain_operator(model)
-    return _system(scene, model.free, local, F, model.f_ext, strain, lambda E: sp.csr_array(model.stiffness(E)))
+    return _system(problem, model.free, local, F, model.f_ext, strain, lambda E: sp.csr_array(model.stiffness(E)))
 
 
 def _system(
-    scene: Scene,
+    problem: DesignProblem | FemProblem,
     dof: Index,
     local: Index,
     F: Array,
@@ -163,7 +171,8 @@ def _system(
     F = np.where(unknown[:, None] < 0, 0.0, F)
     by_component = np.arange(3 * len(F)).reshape(-1, 3).T.ravel()
     strain = sp.csr_array(strain[:, dof])[by_component]
-    return System(scene, np.maximum(unknown, 0), F, f_ext[dof], strain, matrix)
+    material = problem.model.body.material
+    return System(material, problem.design, problem.objective, np.maximum(unknown, 0), F, f_ext[dof], strain, matrix)
 
 
 @dataclass(frozen=True, eq=False)
@@ -221,7 +230,7 @@ def changed_objectives(state: State, change: float, points: Index | None = None)
     delta = (system.moduli(rho + change) - system.moduli(rho))[points, None]
     flexibility = F @ state.inverse[unknown[:, :, None], unknown[:, None, :]] @ np.swapaxes(F, 1, 2)
     z = delta * np.linalg.solve(np.eye(F.shape[1]) + delta[:, :, None] * flexibility, y[:, :, None])[:, :, 0]
-    match system.scene.objective:
+    match system.objective:
         case Compliance():  # f . K^-1 F_p^T z_p = F_p u . z_p
             J = float(system.f @ state.u)
             return J, J - np.sum(y * z, axis=1)
@@ -279,13 +288,13 @@ def exact_derivatives(state: State, points: Index | None = None) -> Array:
 def _complex_steps(state: State) -> tuple[Array, Array]:
     """dJ/du (n,) and, at fixed u, dJ/drho (p,): what is common to the complex steps of all variables."""
     system, rho = state.system, state.rho
-    match system.scene.objective:
+    match system.objective:
         case Compliance():
             return system.f, np.zeros_like(rho)
         case PNormStress(p, q):
             strain = (system.strain @ state.u).reshape(3, -1).T
             stepped = system.solid_stress(strain[:, None] + 1j * STEP * np.eye(3))  # (p, 3, 3): one component each
-            vm = von_mises(stepped.reshape(-1, 3), system.scene.material).reshape(-1, 3)
+            vm = von_mises(stepped.reshape(-1, 3), system.material).reshape(-1, 3)
             s = rho**q * vm[:, 0].real
             by_s = np.imag(_norm_after(s, s + 1j * STEP, p)) / STEP
             by_strain = (by_s * rho**q)[:, None] * vm.imag / STEP

@@ -5,10 +5,12 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from mpmtop.body import Body, Material, Support
 from mpmtop.grid import Grid
 from mpmtop.large_deformation.law import Law
 from mpmtop.large_deformation.model import Model, discretise
-from mpmtop.scene import Material, Rectangle, RegionLoad, Scene, Support
+from mpmtop.loads import RegionLoad
+from mpmtop.region import Rectangle
 from mpmtop.shape_functions import ShapeFunction, bspline2, gimp, tent
 
 DATA = Path(__file__).parents[3] / "validation" / "data" / "large_deformation"
@@ -31,13 +33,11 @@ METHODS = {
 }
 
 
-def cantilever(load: float = 0.06, loaded: float = 2.0) -> Scene:
+def cantilever(load: float = 0.06, loaded: float = 2.0) -> Body:
     """The prototype's: 20 x 10, held at x <= 0, a load downwards on the points within `loaded` of the tip's middle."""
     tip = Rectangle((18.0, 5.0 - loaded), (20.0, 5.0 + loaded))
     clamp = Support(Rectangle((-INF, -INF), (0.0, INF)))
-    return Scene(
-        "cantilever", Rectangle((0, 0), (20, 10)), (clamp,), (RegionLoad(tip, (0.0, -load)),), filter_radius=3.0
-    )
+    return Body(Rectangle((0, 0), (20, 10)), (clamp,), (RegionLoad(tip, (0.0, -load)),))
 
 
 def model(method: dict, *, load: float = 0.06, steps: int = 8, law: Law | None = None) -> Model:
@@ -59,9 +59,7 @@ def ample(shape_function: ShapeFunction) -> Model:
         Support(Rectangle((0.0, 9.5), (0.0, 9.5)), (False, True)),
     )
     load = RegionLoad(Rectangle((9.875, 9.375), (10.0, 9.625)), (0.0, -30e3))
-    scene = Scene(
-        "beam", Rectangle((0, 9), (10, 10)), supports, (load,), filter_radius=1.0, material=Material(12e6, 0.2)
-    )
+    body = Body(Rectangle((0, 9), (10, 10)), supports, (load,), Material(12e6, 0.2))
     box = Grid((-0.5, 0.0), (0.5, 0.5), (23, 20))
     domains = "stretched" if shape_function is gimp else "fixed"
-    return discretise(scene, 0.5, 4, shape_function, steps=6, domains=domains, alpha=0.0, grid=box)
+    return discretise(body, 0.5, 4, shape_function, steps=6, domains=domains, alpha=0.0, grid=box)

@@ -5,6 +5,8 @@ from functools import cache
 import numpy as np
 import pytest
 
+from mpmtop.arrays import Array
+from mpmtop.errors import InvalidScene
 from mpmtop.large_deformation.law import Hencky, Law, NeoHookean
 from mpmtop.large_deformation.model import Model
 from mpmtop.large_deformation.objectives import (
@@ -16,7 +18,7 @@ from mpmtop.large_deformation.objectives import (
     gradient,
 )
 from mpmtop.large_deformation.steps import Trajectory, trajectory
-from mpmtop.scene import Array, InvalidScene, Rectangle
+from mpmtop.region import Rectangle
 from tests.mpmtop.large_deformation.cases import METHODS, model
 
 STEP = 1e-30

@@ -3,6 +3,9 @@
 import numpy as np
 import pytest
 
+from mpmtop.arrays import Array
+from mpmtop.body import Material
+from mpmtop.errors import InvalidScene
 from mpmtop.large_deformation.law import (
     SERIES_BELOW,
     Hencky,
@@ -17,7 +20,6 @@ from mpmtop.large_deformation.law import (
     von_mises,
 )
 from mpmtop.material import tangent as elastic
-from mpmtop.scene import Array, InvalidScene, Material
 
 LAWS = pytest.mark.parametrize("law", [Hencky(0.3), NeoHookean(0.3), Hencky(-0.4), NeoHookean(0.49)], ids=repr)
 STEP = 1e-30

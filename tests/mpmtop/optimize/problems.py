@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from mpmtop.arrays import Array
 from mpmtop.optimize import GCMMA, MMA, Iterate, OptimalityCriteria, SingleStepGCMMA, State, UpdateRule, initial_state
-from mpmtop.scene import Array
 
 Function = Callable[[Array], Any]
 RULES: list[UpdateRule] = [MMA(), GCMMA(), GCMMA(warm_start=True), SingleStepGCMMA()]

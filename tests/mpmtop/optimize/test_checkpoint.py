@@ -23,7 +23,7 @@ from mpmtop.optimize import (
     optimize,
 )
 from tests.mpmtop.optimize.problems import ALL_RULES, Bars, Values, same
-from validation.studies.stability.interruption import design_problem
+from validation.studies.stability.interruption import interrupted
 
 
 @pytest.mark.parametrize("interrupted", [0, 1, 2, 7])
@@ -174,8 +174,8 @@ def test_kill_9(k: int, tmp_path: Path) -> None:
     path = tmp_path / "run.npz"
     program = (
         "import sys; from pathlib import Path; from mpmtop.optimize import GCMMA, optimize\n"
-        "from validation.studies.stability.interruption import design_problem\n"
-        "for i in optimize(design_problem(), GCMMA(), checkpoint=Path(sys.argv[1])): print(i.iteration, flush=True)"
+        "from validation.studies.stability.interruption import interrupted\n"
+        "for i in optimize(interrupted(), GCMMA(), checkpoint=Path(sys.argv[1])): print(i.iteration, flush=True)"
     )
     command = [sys.executable, "-c", program, str(path)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=Path(__file__).parents[3]) as process:
@@ -183,8 +183,8 @@ def test_kill_9(k: int, tmp_path: Path) -> None:
         next(line for line in process.stdout if int(line) == k)
         process.kill()
     assert process.returncode == -signal.SIGKILL
-    *_, whole = optimize(design_problem(), GCMMA())
-    first, *rest = optimize(design_problem(), GCMMA(), checkpoint=path)
+    *_, whole = optimize(interrupted(), GCMMA())
+    first, *rest = optimize(interrupted(), GCMMA(), checkpoint=path)
     assert first.iteration >= k
     end = [first, *rest][-1]
     assert (end.iteration, end.solves, end.objective) == (whole.iteration, whole.solves, whole.objective)

@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from mpmtop.arrays import Array
+from mpmtop.errors import NotConverged
 from mpmtop.optimize import (
     GCMMA,
     MMA,
@@ -19,7 +21,6 @@ from mpmtop.optimize import (
     optimize,
     relative_change,
 )
-from mpmtop.scene import Array, NotConverged
 from tests.mpmtop.optimize.problems import ALL_RULES, Analytic, Bars, steps
 
 

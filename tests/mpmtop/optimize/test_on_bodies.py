@@ -6,7 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mpmtop.equilibrium import discretise
+from mpmtop.body import Body, Material, Support
+from mpmtop.design import Design
+from mpmtop.errors import InvalidScene
+from mpmtop.loads import PointLoad
 from mpmtop.optimize import (
     GCMMA,
     MMA,
@@ -20,25 +23,21 @@ from mpmtop.optimize import (
     optimize,
 )
 from mpmtop.problem import DesignProblem
-from mpmtop.scene import InvalidScene, Material, PointLoad, Rectangle, Scene, Support
+from mpmtop.problem import design_problem as points_problem
+from mpmtop.region import Rectangle
+from mpmtop.scene import Scene
 from reference_fem.simp import Filtered, design_problem
 from tests.scenes import cantilever
 
 
 def half_mbb(radius: float = 2.4) -> Scene:
-    return Scene(
-        name="half MBB beam",
-        domain=Rectangle((0, 0), (60, 20)),
-        supports=(
-            Support(Rectangle((0, 0), (0, 20)), (True, False)),
-            Support(Rectangle((60, 0), (60, 0)), (False, True)),
-        ),
-        loads=(PointLoad((0, 20), (0, -1), points=0),),
-        filter_radius=radius,
-        material=Material(1.0, 0.3, "stress"),
-        volume_fraction=0.5,
-        rho_min=0.0,
+    body = Body(
+        Rectangle((0, 0), (60, 20)),
+        (Support(Rectangle((0, 0), (0, 20)), (True, False)), Support(Rectangle((60, 0), (60, 0)), (False, True))),
+        (PointLoad((0, 20), (0, -1), points=0),),
+        Material(1.0, 0.3, "stress"),
     )
+    return Scene("half MBB beam", body, Design(0.5, radius, rho_min=0.0))
 
 
 @pytest.mark.parametrize(
@@ -75,7 +74,7 @@ def test_the_sensitivity_filter_averages_the_derivative() -> None:
     df, dg = problem.gradient(at)
     d_rho = problem.density_gradient(at)
     np.testing.assert_allclose(df, problem.H @ d_rho, rtol=1e-12)  # rounding
-    assert dg.sum() == pytest.approx(1 / scene.volume_fraction, rel=1e-12)
+    assert dg.sum() == pytest.approx(1 / scene.design.volume_fraction, rel=1e-12)
     assert problem.fingerprint != density.fingerprint
     for wrong in ({"filtered": "both"}, {"filtered": "sensitivity", "filter_passive": True}):
         with pytest.raises(InvalidScene, match="filter"):
@@ -85,7 +84,7 @@ def test_the_sensitivity_filter_averages_the_derivative() -> None:
 def test_levels_end_at_the_fine_problem_and_resolve_the_filter() -> None:
     """Coarse designs go over by position: uniform refinement keeps the mean; too coarse a level is refused."""
     scene = cantilever(20, 10, load=PointLoad((20, 5), (0, -1)), filter_radius=1.5)
-    coarse, fine = (DesignProblem(discretise(scene, h)) for h in (2.0, 1.0))
+    coarse, fine = (points_problem(scene, h) for h in (2.0, 1.0))
     x = np.random.default_rng(0).uniform(0.2, 0.6, len(coarse.x0))
     there = carried(coarse, x, fine)
     np.testing.assert_allclose(there.mean(), x.mean(), rtol=1e-12)  # rounding
@@ -101,13 +100,13 @@ def test_levels_end_at_the_fine_problem_and_resolve_the_filter() -> None:
     assert first.objective < 0.5 * straight[0].objective  # most is done before
     assert [i.solves for i in iterates] == list(range(1, len(iterates) + 1))
     with pytest.raises(UnresolvedFilter, match=r"level 0.*1\.5 of its spacings 2"):
-        optimize(fine, MMA(), levels=[DesignProblem(discretise(scene, 2.0, 1))])
+        optimize(fine, MMA(), levels=[points_problem(scene, 2.0, 1)])
     with pytest.raises(UnresolvedFilter):  # 1.5 spacings are enough, 1.4 are not
-        optimize(fine, MMA(), levels=[DesignProblem(discretise(cantilever(20, 10, filter_radius=1.4), 2.0))])
+        optimize(fine, MMA(), levels=[points_problem(cantilever(20, 10, filter_radius=1.4), 2.0)])
 
 
 def test_a_start_may_be_a_function_of_position() -> None:
-    problem = DesignProblem(discretise(cantilever(), 1.0))
+    problem = points_problem(cantilever(), 1.0)
     first = next(optimize(problem, MMA(), start=lambda x: 0.2 + 0.02 * x[:, 0]))
     np.testing.assert_array_equal(first.x, 0.2 + 0.02 * problem.model.points.x[:, 0])
 
@@ -120,7 +119,7 @@ def test_resumed_cantilever_is_the_same_bit_for_bit(rule: UpdateRule, tmp_path: 
     """Interrupted after iterations 1, 4 and 9, each time with all objects built anew, as after a kill."""
 
     def problem() -> DesignProblem:
-        return DesignProblem(discretise(cantilever(), 1.0))
+        return points_problem(cantilever(), 1.0)
 
     whole = list(optimize(problem(), rule, max_iterations=14))
     file = tmp_path / "run.npz"
@@ -130,6 +129,6 @@ def test_resumed_cantilever_is_the_same_bit_for_bit(rule: UpdateRule, tmp_path: 
     assert (last.iteration, last.solves) == (whole[-1].iteration, whole[-1].solves)
     assert last.objective == whole[-1].objective
     np.testing.assert_array_equal(last.x, whole[-1].x)
-    other = DesignProblem(discretise(cantilever(filter_radius=2.0), 1.0))
+    other = points_problem(cantilever(filter_radius=2.0), 1.0)
     with pytest.raises(CheckpointError, match="another problem"):
         next(iter(optimize(other, rule, checkpoint=file)))

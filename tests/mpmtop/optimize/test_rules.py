@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from mpmtop.errors import NotConverged
 from mpmtop.optimize import GCMMA, MMA, OptimalityCriteria, SingleStepGCMMA, UpdateRule
-from mpmtop.scene import NotConverged
 from tests.mpmtop.optimize.problems import ALL_RULES, RULES, Analytic, cantilever, ripples, spheres, steps
 
 

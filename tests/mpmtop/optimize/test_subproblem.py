@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import nnls
 
+from mpmtop.arrays import Array
 from mpmtop.optimize import MMA, State, subproblem
 from mpmtop.optimize.mma import approximate
 from mpmtop.optimize.subproblem import (
@@ -16,7 +17,6 @@ from mpmtop.optimize.subproblem import (
     solve_single,
     solve_subproblem,
 )
-from mpmtop.scene import Array
 from tests.mpmtop.optimize.problems import Analytic, ripples, steps
 
 

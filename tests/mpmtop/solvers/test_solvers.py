@@ -7,9 +7,12 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from mpmtop.equilibrium import Model, discretise, equilibrium
+from mpmtop.arrays import Array
+from mpmtop.body import Support
+from mpmtop.equilibrium import equilibrium
+from mpmtop.errors import UnsupportedBody
+from mpmtop.model import Model, discretise
 from mpmtop.region import Circle, Difference, Rectangle
-from mpmtop.scene import Array, Support, UnsupportedBody
 from mpmtop.shape_functions import bspline2, bspline3, gimp
 from mpmtop.solvers import (
     BandedCholesky,
@@ -52,8 +55,8 @@ def model_of(name: str, solver: Callable[[Pattern], Solver]) -> Model:
     changes, how = BODIES[name]
     how = {"h": 1.0, "shift": 0.0} | how
     scene, h, shift = cantilever(40, 20, **changes), how.pop("h"), how.pop("shift")
-    points = discretise(scene, h).points.moved((0.0, shift))
-    return discretise(scene, h, points=points, solver=solver, **how)
+    points = discretise(scene.body, h).points.moved((0.0, shift))
+    return discretise(scene.body, h, points=points, solver=solver, **how)
 
 
 def matrix(pattern: Pattern, data: Array) -> sp.csr_array:
@@ -148,10 +151,10 @@ def test_pieces_that_are_not_connected() -> None:
 def test_mechanisms_are_named(solver: Callable[[Pattern], Solver]) -> None:
     pin, roller = Support(Rectangle((0, 0), (0, 0))), Support(Rectangle((0, 0), (40, 0)), (False, True))
     for support in (pin, roller):
-        model = discretise(cantilever(40, 20, supports=(support,)), 1.0, solver=solver)
+        model = discretise(cantilever(40, 20, supports=(support,)).body, 1.0, solver=solver)
         with pytest.raises(UnsupportedBody, match="support"):
             equilibrium(model, np.ones(3200))
-    model = discretise(cantilever(40, 20), 1.0, solver=solver)
+    model = discretise(cantilever(40, 20).body, 1.0, solver=solver)
     with pytest.raises(UnsupportedBody, match="node at"):
         equilibrium(model, np.where(np.abs(model.points.x[:, 0] - 20) < 2, 0.0, 1.0))
 
@@ -202,4 +205,4 @@ def test_choice_by_size() -> None:
     chosen = [type(choose_solver(Pattern(m, row, col, lattice))) for m in (24_999, 25_000, 99_999, 100_000)]
     assert chosen == [BandedCholesky, SparseCholesky, SparseCholesky, MultigridCG]
     assert isinstance(choose_solver(Pattern(100_000, row, col)), SparseCholesky)  # on no lattice
-    assert isinstance(discretise(cantilever(), 1.0, solver=SuperLU).solver, SuperLU)
+    assert isinstance(discretise(cantilever().body, 1.0, solver=SuperLU).solver, SuperLU)

@@ -5,7 +5,6 @@ moved in steps over the cells of the background grid. Units: h = F = E0 = 1. The
 loaded points, equal to the compliance.
 """
 
-from dataclasses import replace
 from itertools import product
 from typing import NamedTuple
 
@@ -14,9 +13,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from mpmtop.equilibrium import Equilibrium, Model, discretise, equilibrium
+from mpmtop.arrays import Array
+from mpmtop.equilibrium import Equilibrium, equilibrium
+from mpmtop.errors import UnsupportedBody
+from mpmtop.model import Model, discretise
 from mpmtop.points import MaterialPoints, seed
-from mpmtop.scene import Array, Scene, UnsupportedBody
+from mpmtop.scene import Scene
 from mpmtop.shape_functions import ShapeFunction, bspline2, bspline3, tent
 from reference_fem.reanalyse import Judge, build_judge
 from validation import paper
@@ -54,11 +56,11 @@ class Analysis(NamedTuple):
     @property
     def tip(self) -> float:
         """Tip displacement under the unit force [F/E0]."""
-        return float(self.model.f_ext @ self.state.u)
+        return float(self.state.f_ext @ self.state.u)
 
 
 def solid(scene: Scene, points: MaterialPoints, shape_function: ShapeFunction) -> Analysis:
-    model = discretise(scene, H, points=points, shape_function=shape_function)
+    model = discretise(scene.body, H, points=points, shape_function=shape_function)
     return Analysis(model, equilibrium(model, np.ones(len(points.x))))
 
 
@@ -66,16 +68,15 @@ def exactly(analysis: Analysis, lower: Array, upper: Array, name: str) -> float:
     """Tip displacement with the stiffness integrated exactly over the body, under the same nodal forces."""
     function, *rule = EXACT[name]
     model, points = analysis.model, integrated_exactly(lower, upper, *rule)
-    exact = discretise(model.scene, H, points=points, shape_function=function, grid=model.grid)
+    exact = discretise(model.body, H, points=points, shape_function=function, grid=model.grid)
     if not np.array_equal(exact.transfer.nodes, model.transfer.nodes):
         raise ValueError("points and body touch other nodes: choose a shift that takes a column over a boundary")
-    exact = replace(exact, f_ext=model.f_ext)
-    return Analysis(exact, equilibrium(exact, np.ones(len(points.x)))).tip
+    return Analysis(exact, equilibrium(exact, np.ones(len(points.x)), f_ext=model.f_ext)).tip
 
 
 @pytest.fixture(scope="module")
 def uniform() -> MaterialPoints:
-    return seed(cantilever().domain, (SPACING, SPACING))
+    return seed(cantilever().body.domain, (SPACING, SPACING))
 
 
 @pytest.fixture(scope="module")
@@ -247,7 +248,7 @@ def tabulate_shift(report: Report, steps: dict[tuple[str, str, float], Step]) ->
 
 def timoshenko(length: float) -> float:
     """Tip displacement of the cantilever of a length [h] in plane strain, shear correction 5/6, by beam theory."""
-    material = cantilever().material
+    material = cantilever().body.material
     height, nu = 20.0, material.poisson
     modulus, shear = material.young / (1 - nu**2), material.young / (2 * (1 + nu))
     return length**3 / (3 * modulus * height**3 / 12) + length / (5 / 6 * shear * height)
@@ -270,8 +271,8 @@ def test_error_split(report: Report, lock: Lock, uniform: MaterialPoints, judge:
     """
     s = 0.26
     shift = np.array([s * H, 0.0])
-    lower, upper = cantilever().domain.bounds
-    long = seed(extended_cantilever().domain, (SPACING, SPACING))
+    lower, upper = cantilever().body.domain.bounds
+    long = seed(extended_cantilever().body.domain, (SPACING, SPACING))
     fine = judge(np.ones(judge.points)).compliance
     lever = timoshenko(40 + s) / timoshenko(40)
     rows: dict[str, dict[str, float]] = {}

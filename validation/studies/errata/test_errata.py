@@ -6,7 +6,7 @@ Nothing here concerns the paper's conclusions.
 
 import numpy as np
 
-from mpmtop.scene import Array
+from mpmtop.arrays import Array
 from mpmtop.shape_functions import gimp
 from validation import paper
 from validation.harness.report import Report

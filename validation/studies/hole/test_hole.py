@@ -18,11 +18,14 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
-from mpmtop.equilibrium import discretise, equilibrium
+from mpmtop.arrays import Array
+from mpmtop.equilibrium import equilibrium
+from mpmtop.errors import UnsupportedBody
 from mpmtop.material import simp
+from mpmtop.model import discretise
 from mpmtop.points import MaterialPoints, seed
 from mpmtop.region import Circle
-from mpmtop.scene import Array, Scene, UnsupportedBody
+from mpmtop.scene import Scene
 from mpmtop.shape_functions import ShapeFunction, gimp, tent
 from reference_fem.hole import around_hole
 from reference_fem.reanalyse import Judge, build_judge
@@ -223,13 +226,13 @@ def in_pieces(points: MaterialPoints) -> bool:
 
 def analysed(scene: Scene, shape_function: ShapeFunction, shift: Array, ghost: float) -> Holed:
     """The solid body, but for passive void, by 2 x 2 points per cell of COARSE moved by `shift` (2,)."""
-    points = seed(scene.domain, (COARSE / 2, COARSE / 2))
+    points = seed(scene.body.domain, (COARSE / 2, COARSE / 2))
     rho = np.ones(len(points.x))
-    if scene.passive_void is not None:
-        rho[scene.passive_void.contains(points.x)] = 0
+    if scene.design.passive_void is not None:
+        rho[scene.design.passive_void.contains(points.x)] = 0
     try:
-        model = discretise(scene, COARSE, points=points.moved(shift), shape_function=shape_function, ghost=ghost)
-        state = equilibrium(model, simp(rho, scene.penal, scene.contrast)[0])
+        model = discretise(scene.body, COARSE, points=points.moved(shift), shape_function=shape_function, ghost=ghost)
+        state = equilibrium(model, simp(rho, scene.design.penal, scene.design.contrast)[0])
     except UnsupportedBody as error:
         return Holed(type(error).__name__, None)
     return Holed("solved", condition(model, state))
@@ -258,7 +261,7 @@ def test_random_holes(report: Report, lock: Lock, progress: ShowProgress) -> Non
     nothing, or on the clamp by a single point: unless void fills the gap, that is an error, by its name.
     """
     circles = random_circles(100)
-    domains = (perforated(circle, absent=True).domain for circle in circles)
+    domains = (perforated(circle, absent=True).body.domain for circle in circles)
     pieces = np.array([in_pieces(seed(domain, (COARSE / 2, COARSE / 2))) for domain in domains])
     cases: dict[str, tuple[bool, ShapeFunction, float, float]] = {
         "standard, none": (True, tent, 0.0, 0.0),

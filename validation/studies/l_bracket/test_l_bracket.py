@@ -21,8 +21,9 @@ import pandas as pd
 import pytest
 from joblib import Parallel, delayed
 
+from mpmtop.arrays import Array
 from mpmtop.optimize import GCMMA, MMA, SingleStepGCMMA, UpdateRule, optimize
-from mpmtop.scene import Array, Compliance
+from mpmtop.scene import Compliance
 from reference_fem.reanalyse import Judge, build_judge, judge_stress
 from validation import paper
 from validation.bodies.scenes import CORNER, SPACING, l_bracket
@@ -294,7 +295,7 @@ def test_reduction(report: Report, analysers: dict[str, Analyser], runs: dict[st
 
     def measures(rho: Array) -> dict[str, float]:
         vm = a.solid_von_mises(a.problem.analyse(rho))
-        real = (scene.contrast + rho**scene.penal) * vm
+        real = (scene.design.contrast + rho**scene.design.penal) * vm
         return {
             "Eq. (9), first line, solid stress (ours)": norm(rho**q * vm),
             "Eq. (9), second line, solid stress": norm(rho ** (q / p) * vm),

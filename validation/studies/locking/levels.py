@@ -3,21 +3,21 @@
 Nothing of the solution is singular at nu = 1/2, where its dilatation vanishes; what fails there is the method's.
 """
 
-from dataclasses import replace
 from typing import NamedTuple
 
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.figure import Figure
 
-from mpmtop.equilibrium import discretise, equilibrium
+from mpmtop.body import Material
+from mpmtop.equilibrium import equilibrium
+from mpmtop.model import discretise
 from mpmtop.points import seed
-from mpmtop.scene import Material
 from mpmtop.shape_functions import ShapeFunction
 from reference_fem import elasticity
 from reference_fem.boundary import nodal_forces
 from reference_fem.mesh import lattice, vector_basis
-from validation.bodies.beam import beam, beam_places, beam_scene, beam_tractions, tip_error
+from validation.bodies.beam import beam, beam_body, beam_places, beam_tractions, tip_error
 from validation.bodies.crossing import Crossing, Periodic, Uniform
 from validation.measures.probe import displacement_at, probe, within
 from validation.methods.analyser import SHAPE_FUNCTIONS
@@ -51,13 +51,13 @@ def by_points(
 ) -> Errors:
     """Errors with n cells over the depth and 2 x 2 points in each, moved by `crossing`."""
     material = plane_strain(poisson)
-    scene = beam_scene(n, material)
-    points = crossing(seed(scene.domain, (SPACING, SPACING)), scene.domain)
-    model = discretise(scene, 1.0, points=points, shape_function=shape_function, b_bar=b_bar)
+    body = beam_body(n, material)
+    points = crossing(seed(body.domain, (SPACING, SPACING)), body.domain)
+    model = discretise(body, 1.0, points=points, shape_function=shape_function, b_bar=b_bar)
     x, forces = beam_tractions(n)
-    model = replace(model, f_ext=probe(model, within(x, scene)).force(forces, len(model.transfer.nodes)))
-    state = equilibrium(model, np.ones(len(points.x)))
-    at = probe(model, within(beam_places(n), scene)).displacement(state.u)
+    f = probe(model, within(x, body)).force(forces, len(model.transfer.nodes))
+    state = equilibrium(model, np.ones(len(points.x)), f_ext=f)
+    at = probe(model, within(beam_places(n), body)).displacement(state.u)
     # sigma_zz = nu (sigma_xx + sigma_yy): the sum of the two tells the mean of the three, up to a factor
     mean, exact = (stress[:, 0] + stress[:, 1] for stress in (state.strain @ model.D, beam(points.x, n).stress))
     V = points.volume
@@ -67,9 +67,9 @@ def by_points(
 def by_elements(n: int, order: int, poisson: float) -> float:
     """Error of the tip displacement with n elements over the depth."""
     material = plane_strain(poisson)
-    scene = beam_scene(n, material)
-    basis = vector_basis(lattice(scene.domain.bounds, np.ones(2)), order)
-    model = elasticity.fem_model(scene, basis, nodal_forces(basis, *beam_tractions(n)))
+    body = beam_body(n, material)
+    basis = vector_basis(lattice(body.domain.bounds, np.ones(2)), order)
+    model = elasticity.fem_model(body, basis, nodal_forces(basis, *beam_tractions(n)))
     u = elasticity.solve(model, np.ones(len(model.area)))
     return tip_error(displacement_at(model, u, beam_places(n)), n, material)
 

@@ -10,7 +10,6 @@ A bilinear displacement on cells of size h cannot see how material lies inside a
 biquadratic elements of side h/6, one for each fine point.
 """
 
-from dataclasses import replace
 from itertools import product
 from typing import Any
 
@@ -21,14 +20,14 @@ import pytest
 import scipy.sparse as sp
 from joblib import Parallel, delayed
 
+from mpmtop.arrays import Array
 from mpmtop.points import MaterialPoints, seed
 from mpmtop.quadtree import Quadtree, quadtree
-from mpmtop.scene import Array
 from mpmtop.shape_functions import gimp, tent
 from reference_fem import simp
 from reference_fem.reanalyse import Judge, build_judge, owners
 from validation import paper
-from validation.bodies.scenes import H, distributed_load
+from validation.bodies.scenes import H, changed, distributed_load
 from validation.harness.plugin import Lock, ShowProgress
 from validation.harness.report import Report
 from validation.measures.drawing import draw_design, draw_points
@@ -52,7 +51,7 @@ PPC = (1, 2, 3, 4, 6, 8)
 
 def leaves() -> dict[str, Quadtree]:
     """Low, high, and multi resolution with the 23rd row, cut in half by the middle, fine."""
-    low = quadtree(distributed_load().domain, (COARSE, COARSE))
+    low = quadtree(distributed_load().body.domain, (COARSE, COARSE))
     return {
         "low": low,
         "multi, quadtree": low.refine(low.centre[:, 1] > MIDDLE - 1e-9),
@@ -62,7 +61,7 @@ def leaves() -> dict[str, Quadtree]:
 
 def overlapping() -> MaterialPoints:
     """The paper's 10,170 points: 45 fine rows from the top, 23 coarse ones from the bottom."""
-    fine, coarse = (seed(distributed_load().domain, (side, side)) for side in (FINE, COARSE))
+    fine, coarse = (seed(distributed_load().body.domain, (side, side)) for side in (FINE, COARSE))
     above, below = fine.x[:, 1] > MIDDLE, coarse.x[:, 1] < MIDDLE + 1e-9
     return MaterialPoints(
         *(
@@ -110,10 +109,10 @@ def effective_radius(analyser: Analyser) -> float:
     """Radius of the continuous cone whose second moment, 0.3 R^2, is the filter's mean over the inner points."""
     problem: Any = analyser.problem
     matrix = sp.csr_array(problem.filter.matrix if hasattr(problem, "filter") else problem.H)
-    x, radius = analyser.x, analyser.scene.filter_radius
+    x, radius = analyser.x, analyser.scene.design.filter_radius
     row, column = matrix.nonzero()
     moment = np.bincount(row, matrix[row, column] * np.sum((x[row] - x[column]) ** 2, axis=1))
-    lower, upper = analyser.scene.domain.bounds
+    lower, upper = analyser.scene.body.domain.bounds
     inner = np.all((x > lower + radius) & (x < upper - radius), axis=1)
     return float(np.sqrt(moment[inner].mean() / 0.3))
 
@@ -283,7 +282,7 @@ def sweep_case(ppc: int, radius: float) -> Optimisation:
     """One entry of the sweep, ended after SWEEP_ITERATIONS; a function of the module, for joblib."""
     rows = max(1, round(ppc / 3))  # the load lies within about h/3 of the edge, as far as points do
     scene = distributed_load(radius, depth=rows * H / ppc)
-    points = seed(scene.domain, (H / ppc, H / ppc))
+    points = seed(scene.body.domain, (H / ppc, H / ppc))
     return Optimisation.of(material_points(tent, "standard", points=points)(scene), iterations=SWEEP_ITERATIONS)
 
 
@@ -308,8 +307,8 @@ def test_sub_cell_designs(report: Report, lock: Lock, progress: ShowProgress) ->
     runs = dict(zip(cases, progress(done, "points per cell and radius"), strict=True))
     judges = {}
     for side, contrast in product((6, 8), CONTRASTS):
-        scene = replace(distributed_load(), contrast=contrast)
-        fine = seed(scene.domain, (H / side, H / side))
+        scene = changed(distributed_load(), contrast=contrast)
+        fine = seed(scene.body.domain, (H / side, H / side))
         judges[side, contrast] = fine, build_judge(scene, fine.x, fine.half_length, split=1, order=1)
     rows: dict[tuple[int, float], dict[str, Any]] = {}
     for (ppc, radius), run in runs.items():

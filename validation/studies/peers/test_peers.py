@@ -14,8 +14,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from mpmtop.equilibrium import Model, discretise, equilibrium
+from mpmtop.equilibrium import equilibrium
 from mpmtop.grid import Grid
+from mpmtop.model import Model, discretise
 from mpmtop.points import seed
 from reference_fem.reanalyse import build_judge
 from validation.bodies.crossing import Crossing, Jitter, Periodic, Uniform
@@ -134,10 +135,10 @@ def test_kratos(report: Report) -> None:
     both codes, with the same load on the same points. Kratos makes its own shape functions and its own K.
     """
     scene = cantilever()
-    seeded = seed(scene.domain, (SPACING, SPACING))
+    seeded = seed(scene.body.domain, (SPACING, SPACING))
     agree = []
     for name, crossing in ARRANGEMENTS.items():
-        model = discretise(scene, H, points=crossing(seeded, scene.domain))
+        model = discretise(scene.body, H, points=crossing(seeded, scene.body.domain))
         ours = equilibrium(model, solid(model)).u
         theirs = Kratos(model, "sparse_lu").solve()
         agree.append(
@@ -153,17 +154,19 @@ def test_kratos(report: Report) -> None:
 
 def solid(model: Model) -> np.ndarray:
     """Young's moduli (p,) of the solid body."""
-    return np.full(len(model.points.x), model.scene.material.young)
+    return np.full(len(model.points.x), model.body.material.young)
 
 
 def analyses_of(nx: int) -> dict[str, dict[str, Work]]:
     """Analyses of nx x nx/2 points in three depths, by both codes; Kratos by conjugate gradients and directly."""
     h = 80 / nx * H
     scene = cantilever(radius=3 * h / 2)
-    grid = Grid.around(*scene.domain.bounds, (h, h), margin=0)  # Kratos numbers all cells, also those without points
+    grid = Grid.around(
+        *scene.body.domain.bounds, (h, h), margin=0
+    )  # Kratos numbers all cells, also those without points
 
     def discretised() -> Model:
-        return discretise(scene, h, grid=grid)
+        return discretise(scene.body, h, grid=grid)
 
     model = discretised()
     moduli = solid(model)

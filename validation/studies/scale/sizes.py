@@ -13,12 +13,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mpmtop.design import DensityFilter
-from mpmtop.equilibrium import Model, discretise
+from mpmtop.arrays import Array
+from mpmtop.filter import DensityFilter
 from mpmtop.optimize import GCMMA, initial_state
-from mpmtop.problem import DesignProblem, Evaluation
-from mpmtop.scene import Array, Compliance, PNormStress
-from mpmtop.solvers import STRESS_TOLERANCE, MultigridCG, Pattern, Solve, Solver, SparseCholesky
+from mpmtop.problem import DesignProblem, Evaluation, design_problem
+from mpmtop.scene import Compliance, PNormStress
+from mpmtop.solvers import MultigridCG, Pattern, Solve, Solver, SparseCholesky
 from validation.bodies.scenes import SPACING, H, cantilever
 from validation.measures.timing import cpu_seconds, in_own_process
 from validation.methods.analyser import MOVE
@@ -80,9 +80,9 @@ class TimedSolver:
     def tolerance(self) -> float:
         return self.inner.tolerance
 
-    def factor(self, data: Array) -> Solve:
+    def factor(self, data: Array, tolerance: float | None = None) -> Solve:
         with self.clock("factorisation"):
-            solve = self.inner.factor(data)
+            solve = self.inner.factor(data, tolerance)
 
         def timed(b: Array) -> Array:
             with self.clock("solve"):
@@ -112,16 +112,17 @@ class TimedProblem(DesignProblem):
     clock: Clock
 
     @classmethod
-    def of(cls, model: Model, clock: Clock) -> "TimedProblem":
-        """The problem of a model, its filter built."""
+    def of(cls, problem: DesignProblem, clock: Clock) -> "TimedProblem":
+        """The same problem, its filter built."""
+        model = problem.model
         maps: Any = tuple(TimedMap(part, clock) for part in model.stiffness.maps)
         timed = replace(model, stiffness=replace(model.stiffness, maps=maps), solver=TimedSolver(model.solver, clock))
-        problem = cls(timed)
-        problem.__dict__ |= {
+        timed_problem = cls(timed, problem.design, problem.objective)
+        timed_problem.__dict__ |= {
             "clock": clock,
             "filter": TimedFilter(problem.filter.matrix, problem.filter.offset, clock=clock),
         }
-        return problem
+        return timed_problem
 
     def evaluate(self, design: Array) -> Evaluation:
         with self.clock("residual, objective"):
@@ -155,11 +156,11 @@ class Measurement(NamedTuple):
         return np.array([sum(spent.values()) for spent in self.iterations])
 
 
-def model_of(nx: int, objective: str, solver: ChosenBy | None = None) -> Model:
+def problem_of(nx: int, objective: str, solver: ChosenBy | None = None) -> DesignProblem:
     """The cantilever with nx x nx / 2 points, 2 x 2 in a cell; the filter's radius is three spacings."""
     spacing = SPACING * 80 / nx
     scene = cantilever(radius=3 * spacing, objective=OBJECTIVES[objective])
-    return discretise(scene, 2 * spacing * H, 2, solver=solver)
+    return design_problem(scene, 2 * spacing * H, 2, solver=solver)
 
 
 def evaluations(problem: DesignProblem, objective: str) -> Iterator[Evaluation]:
@@ -179,9 +180,10 @@ def measurement(nx: int, objective: str, iterations: int) -> Measurement:
     """So many iterations, timed; the first, which also filters the gradient of the volume once for all, is left out."""
     clock = Clock()
     with clock("operators"):
-        model = model_of(nx, objective)
+        untimed = problem_of(nx, objective)
     with clock("filter built"):
-        problem = TimedProblem.of(model, clock)
+        problem = TimedProblem.of(untimed, clock)
+    model = untimed.model
     built = dict(clock.spent)
     spent, objectives = [], []
     run = evaluations(problem, objective)
@@ -218,15 +220,9 @@ def exponents(seconds: Mapping[str, Array], points: Array) -> dict[str, float]:
     return {phase: float(np.polyfit(np.log(points), np.log(spent), 1)[0]) for phase, spent in seconds.items()}
 
 
-def multigrid_for(objective: str, coarsest: int = MultigridCG.coarsest) -> ChosenBy:
-    """Multigrid as it is chosen for an objective, but for the unknowns it coarsens down to."""
-    tolerance = STRESS_TOLERANCE if objective == "p-norm" else MultigridCG.tolerance
-    return partial(MultigridCG, coarsest=coarsest, tolerance=tolerance)
-
-
 def run_of(nx: int, objective: str, iterations: int, solver: ChosenBy) -> tuple[Array, Array]:
     """Objectives (iterations + 1,) of an optimisation, and the last densities (p,)."""
-    problem = DesignProblem(model_of(nx, objective, solver))
+    problem = problem_of(nx, objective, solver)
     done = list(islice(evaluations(problem, objective), iterations + 1))
     return np.array([evaluation.objective for evaluation in done]), done[-1].rho
 
@@ -234,9 +230,9 @@ def run_of(nx: int, objective: str, iterations: int, solver: ChosenBy) -> tuple[
 def iteration_seconds(nx: int, repeats: int = 5) -> dict[str, float]:
     """Unknowns, and median CPU seconds of an iteration of compliance after ten, by both solvers, taken in turn."""
     solvers: dict[str, ChosenBy] = {"sparse": SparseCholesky, "multigrid": MultigridCG}
-    models = {name: model_of(nx, "compliance", solver) for name, solver in solvers.items()}
-    runs = {name: evaluations(DesignProblem(model), "compliance") for name, model in models.items()}
+    problems = {name: problem_of(nx, "compliance", solver) for name, solver in solvers.items()}
+    runs = {name: evaluations(problem, "compliance") for name, problem in problems.items()}
     for run in runs.values():
         next(islice(run, 9, None))
     seconds = cpu_seconds({name: partial(next, run) for name, run in runs.items()}, repeats)
-    return {"unknowns": len(models["sparse"].stiffness.dof)} | seconds
+    return {"unknowns": len(problems["sparse"].model.stiffness.dof)} | seconds

@@ -9,13 +9,14 @@ on the benchmark page to two millions, each size in a process of its own, whose 
 """
 
 from collections.abc import Callable
+from functools import partial
 
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 import pytest
 
-from mpmtop.scene import Array
+from mpmtop.arrays import Array
 from mpmtop.solvers import MULTIGRID_FROM, BandedCholesky, MultigridCG
 from validation.harness.plugin import ShowProgress
 from validation.harness.report import Report
@@ -27,7 +28,6 @@ from validation.studies.scale.sizes import (
     exponents,
     iteration_seconds,
     measurement,
-    multigrid_for,
     run_of,
 )
 
@@ -130,7 +130,7 @@ def test_multigrid(report: Report) -> None:
 def compared(report: Report, nx: int, objective: str, iterations: int, coarsest: int) -> bool:
     """Check that both solvers' optimisations have the same objective, to the tolerance."""
     direct, direct_rho = run_of(nx, objective, iterations, BandedCholesky)
-    iterative, iterative_rho = run_of(nx, objective, iterations, multigrid_for(objective, coarsest))
+    iterative, iterative_rho = run_of(nx, objective, iterations, partial(MultigridCG, coarsest=coarsest))
     size = f"{objective}, {nx * nx // 2:,} points, {iterations} iterations"
     report.text(f"{size}: largest difference of a density at the end {np.abs(iterative_rho - direct_rho).max():.0e}.")
     return report.check(

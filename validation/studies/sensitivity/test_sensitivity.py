@@ -26,10 +26,11 @@ from joblib import Parallel, delayed
 from matplotlib.axes import Axes
 from scipy.sparse.linalg import splu
 
-from mpmtop.equilibrium import Model, discretise
+from mpmtop.arrays import Array, Index
 from mpmtop.material import von_mises
+from mpmtop.model import Model, discretise
 from mpmtop.problem import DesignProblem
-from mpmtop.scene import Array, Compliance, Index, PNormStress, Scene
+from mpmtop.scene import Compliance, PNormStress, Scene
 from mpmtop.shape_functions import gimp, tent
 from reference_fem.simp import design_problem
 from validation import paper
@@ -135,18 +136,19 @@ class Verified:
 
 
 def crossing_models(scene: Scene) -> dict[str, Model]:
-    moved = discretise(scene, H, 2).points.moved((0.26 * H, 0.0))
-    return {name: discretise(scene, H, 2, f, points=moved) for name, f in zip(CROSSED, (tent, gimp), strict=True)}
+    moved = discretise(scene.body, H, 2).points.moved((0.26 * H, 0.0))
+    return {name: discretise(scene.body, H, 2, f, points=moved) for name, f in zip(CROSSED, (tent, gimp), strict=True)}
 
 
 @pytest.fixture(scope="module")
 def subjects() -> dict[tuple[str, str], Subject]:
     every = {}
     for objective, scene in SCENES.items():
-        for method, model in ({SEEDED: discretise(scene, H, 2)} | crossing_models(scene)).items():
-            every[objective, method] = Subject(objective, method, DesignProblem(model), material_points(model))
+        for method, model in ({SEEDED: discretise(scene.body, H, 2)} | crossing_models(scene)).items():
+            problem = DesignProblem(model, scene.design, scene.objective)
+            every[objective, method] = Subject(objective, method, problem, material_points(problem))
         fem = design_problem(scene, SPACING)
-        every[objective, "FEM"] = Subject(objective, "FEM", fem, finite_elements(scene, fem.model))
+        every[objective, "FEM"] = Subject(objective, "FEM", fem, finite_elements(fem))
     return every
 
 
@@ -204,7 +206,7 @@ def test_identical_operators(report: Report) -> None:
     holds = [
         report.check(
             f"operators and load of standard and GIMP are equal bit for bit, {scene.name}",
-            equal(discretise(scene, H, 2, tent), discretise(scene, H, 2, gimp)),
+            equal(discretise(scene.body, H, 2, tent), discretise(scene.body, H, 2, gimp)),
             True,
             source=paper.IDENTICAL,
         )
@@ -528,13 +530,13 @@ def test_woodbury(
 
 def complex_step(state: State, point: int) -> float:
     """dJ/drho_p by a complex analysis of the design with rho_p + ih."""
-    system, scene = state.system, state.system.scene
+    system = state.system
     rho = state.rho + 1j * STEP * (np.arange(len(state.rho)) == point)
     u = splu(sp.csc_array(system.matrix(system.moduli(rho)))).solve(system.f.astype(complex))
-    match scene.objective:
+    match system.objective:
         case Compliance():
             return float(np.imag(system.f @ u)) / STEP
         case PNormStress(p, q):
-            s = rho**q * von_mises(system.solid_stress((system.strain @ u).reshape(3, -1).T), scene.material)
+            s = rho**q * von_mises(system.solid_stress((system.strain @ u).reshape(3, -1).T), system.material)
             largest = s.real.max()
             return float(np.imag(largest * np.sum((s / largest) ** p) ** (1 / p))) / STEP

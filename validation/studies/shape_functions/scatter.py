@@ -1,14 +1,14 @@
 """Scatter: what one arrangement of the cantilever's points makes of displacement, stress and gradient."""
 
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
-from mpmtop.equilibrium import discretise
+from mpmtop.arrays import Array
+from mpmtop.model import discretise
 from mpmtop.points import MaterialPoints, seed
 from mpmtop.problem import DesignProblem
-from mpmtop.scene import Array, Compliance, PNormStress
+from mpmtop.scene import Compliance, PNormStress
 from reference_fem import simp
 from validation.bodies.crossing import Crossing
 from validation.bodies.scenes import SPACING, H, cantilever
@@ -39,16 +39,16 @@ def scattered(name: str, crossing: Crossing, reference: tuple[Array, Array]) -> 
     `reference` are FEM's gradients (p,) of compliance and p-norm, in the order of the seeded points.
     """
     scene = cantilever()
-    points = crossing(seed(scene.domain, (SPACING, SPACING)), scene.domain)
-    model = discretise(scene, H, points=points, shape_function=SHAPE_FUNCTIONS[name])
-    soft = DesignProblem(model)
-    stressed = DesignProblem(replace(model, scene=replace(scene, objective=PNormStress())))
+    points = crossing(seed(scene.body.domain, (SPACING, SPACING)), scene.body.domain)
+    model = discretise(scene.body, H, points=points, shape_function=SHAPE_FUNCTIONS[name])
+    soft = DesignProblem(model, scene.design)
+    stressed = DesignProblem(model, scene.design, PNormStress())
     evaluation = soft.analyse(np.full(len(points.x), DENSITY))
     by_compliance, by_p_norm = soft.density_gradient(evaluation), stressed.density_gradient(evaluation)
     counted = np.abs(reference[1]) > COUNTED * np.abs(reference[1]).max()
     return Scattered(
         evaluation.objective,
-        stressed.objective.value(model, evaluation.state, evaluation.rho),
+        stressed.functional.value(model, evaluation.state, evaluation.rho),
         angle(by_compliance, reference[0]),
         angle(by_p_norm, reference[1]),
         float(np.mean(np.sign(by_p_norm[counted]) != np.sign(reference[1][counted]))),

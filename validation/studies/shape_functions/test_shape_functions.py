@@ -18,10 +18,11 @@ import pytest
 from joblib import Parallel, delayed
 from scipy.interpolate import RegularGridInterpolator
 
-from mpmtop.equilibrium import Model, discretise, equilibrium
+from mpmtop.arrays import Array
+from mpmtop.equilibrium import equilibrium
+from mpmtop.model import Model, discretise
 from mpmtop.objectives import compliance
 from mpmtop.points import MaterialPoints, seed
-from mpmtop.scene import Array
 from mpmtop.shape_functions import Ends, Stencil, gimp
 from reference_fem.reanalyse import build_judge
 from validation import paper
@@ -61,7 +62,7 @@ AS_SEEDED, CROSSED = "as seeded", str(Periodic(4))
 
 @pytest.fixture(scope="module")
 def body_points() -> MaterialPoints:
-    return seed(cantilever().domain, (SPACING, SPACING))
+    return seed(cantilever().body.domain, (SPACING, SPACING))
 
 
 @pytest.mark.slow
@@ -349,10 +350,10 @@ def test_cost(report: Report, lock: Lock, body_points: MaterialPoints) -> None:
     tip = build_judge(scene, x, body_points.half_length)(np.ones(len(x))).compliance
     expected = reference_stress(body_points)
     away = (x[:, 0] > 4 * H) & (x[:, 0] < 36 * H)
-    crossed = Periodic(4)(body_points, scene.domain)
+    crossed = Periodic(4)(body_points, scene.body.domain)
     models = {
         arrangement: {
-            name: discretise(scene, H, points=points, shape_function=function)
+            name: discretise(scene.body, H, points=points, shape_function=function)
             for name, function in (SHAPE_FUNCTIONS | {"CPDI": cpdi}).items()
         }
         for arrangement, points in ((AS_SEEDED, body_points), (CROSSED, crossed))
@@ -429,7 +430,7 @@ def timed(report: Report, models: dict[str, Model]) -> None:
     solid = np.ones(len(models["standard"].points.x))
 
     def build(model: Model) -> Callable[[], object]:
-        return lambda: discretise(model.scene, H, points=model.points, shape_function=model.shape_function)
+        return lambda: discretise(model.body, H, points=model.points, shape_function=model.shape_function)
 
     def analyse(model: Model) -> Callable[[], object]:
         return lambda: equilibrium(model, solid)

@@ -4,7 +4,6 @@ All are variations of one cantilever of 5 x 2 cells, clamped at x <= 0 and pulle
 """
 
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 from functools import cache, partial
 from itertools import product
 from pathlib import Path
@@ -12,14 +11,21 @@ from typing import Any
 
 import numpy as np
 
-from mpmtop.equilibrium import Model, discretise, equilibrium
+from mpmtop.arrays import Array, Index
+from mpmtop.body import Body, Material, Support
+from mpmtop.design import Design
+from mpmtop.equilibrium import equilibrium
+from mpmtop.errors import UnsupportedBody
 from mpmtop.grid import Grid
+from mpmtop.loads import PointLoad, RegionLoad
+from mpmtop.model import Model, discretise
 from mpmtop.objectives import compliance
 from mpmtop.points import MaterialPoints, seed
 from mpmtop.region import Rectangle
-from mpmtop.scene import Array, Index, Material, PointLoad, RegionLoad, Scene, Support, UnsupportedBody
+from mpmtop.scene import Scene
 from mpmtop.shape_functions import ShapeFunction, bspline2, bspline3, gimp, tent
-from validation.studies.stability.judge import FAR, Analysis, Case, Finding, Limit, direct, multigrid
+from validation.bodies.scenes import changed
+from validation.studies.stability.judge import CONTRAST, FAR, PENAL, Analysis, Case, Finding, Limit, direct, multigrid
 
 FUNCTIONS: dict[str, ShapeFunction] = {"tent": tent, "GIMP": gimp, "B-spline": bspline2}
 FINER: dict[str, ShapeFunction] = FUNCTIONS | {"cubic B-spline": bspline3}
@@ -32,7 +38,7 @@ LINES = (0.0, 0.25, 0.5, 0.75, 1.0)
 DIRECTIONS = {"x": (1.0, 0.0), "y": (0.0, 1.0), "both": (1.0, 1.0)}
 AMPLE = Path(__file__).parents[2] / "data" / "ample" / "smallcut_gimp20x10.csv"
 LEFT_THE_CLAMP = Limit("hardly a point left at the clamp", least=1.0)
-"""Limit: see `mpmtop.scene.Support`."""
+"""Limit: see `mpmtop.body.Support`."""
 OUTER_EDGE = Limit("domain a hair over the outer edge, GIMP", least=1.0, most=1.15)
 """Limit: see `mpmtop.equilibrium.discretise`; a step by a tenth on two cells across."""
 HAIR = 1e-2
@@ -45,20 +51,16 @@ def beam(offset: tuple[float, float] = (0.0, 0.0), h: tuple[float, float] = (1.0
     """The cantilever with its lower left corner at `offset` and cells of size h."""
     x, y = offset
     length, height = CELLS * h
-    settings: dict[str, Any] = {
-        "name": "beam",
-        "domain": Rectangle((x, y), (x + length, y + height)),
-        "supports": (Support(Rectangle((-np.inf, -np.inf), (x, np.inf))),),
-        "loads": (PointLoad((x + length, y + height / 2), (0.0, -1.0)),),
-        "filter_radius": 1.5 * min(h),
-    }
-    return Scene(**(settings | changes))
+    clamp = Support(Rectangle((-np.inf, -np.inf), (x, np.inf)))
+    tip = PointLoad((x + length, y + height / 2), (0.0, -1.0))
+    body = Body(Rectangle((x, y), (x + length, y + height)), (clamp,), (tip,))
+    return changed(Scene("beam", body, Design(0.4, 1.5 * min(h), PENAL, CONTRAST)), **changes)
 
 
 @cache
 def lattice(nx: int = 2, ny: int = 2) -> MaterialPoints:
     """nx x ny points per cell of the beam."""
-    return seed(beam().domain, (1 / nx, 1 / ny))
+    return seed(beam().body.domain, (1 / nx, 1 / ny))
 
 
 def model_of(
@@ -74,7 +76,7 @@ def model_of(
     moved = points.moved(shift)
     scene = beam() if scene is None else scene
     settings: dict[str, Any] = {"solver": multigrid, "shape_function": FINER[function], "points": moved} | how
-    return discretise(scene, settings.pop("h", 1.0), **settings)
+    return discretise(scene.body, settings.pop("h", 1.0), **settings)
 
 
 @cache
@@ -184,9 +186,9 @@ def as_ample(s: float, theirs: float) -> Finding:
         domain=Rectangle((s, 0.0), (20 + s, 10.0)),
         loads=(RegionLoad(Rectangle((19.5 + s, 0.0), (20 + s, 10.0)), (0.0, -1.0)),),
         material=Material(1e6),
-        supports=beam().supports,
+        supports=beam().body.supports,
     )
-    model = discretise(scene, 1.0, shape_function=gimp, grid=Grid((0.0, 0.0), (1.0, 1.0), (22, 10)))
+    model = discretise(scene.body, 1.0, shape_function=gimp, grid=Grid((0.0, 0.0), (1.0, 1.0), (22, 10)))
     ours = compliance(model, equilibrium(model, np.full(800, 1e6)))
     return Finding(abs(ours / theirs - 1) / 1e-10)
 
@@ -216,18 +218,19 @@ def contrasts() -> Iterator[Analysis]:
     }
     for (name, model), k in product(models.items(), range(17)):
         contrast = 0.0 if k == 16 else min(10.0**-k, 1 - 1e-16)
-        at = replace(model, scene=replace(model.scene, contrast=contrast))
         for field, rho in fields(lattice().x):
             if (field == "solid" and k > 0) or (field == "void" and contrast == 0):
                 continue  # no contrast in it, nothing at all
-            yield Analysis(f"{field}, {name.partition(',')[0]}", f"{name}, 1e-{k}", partial(same, at), rho)
+            yield Analysis(
+                f"{field}, {name.partition(',')[0]}", f"{name}, 1e-{k}", partial(same, model), rho, contrast=contrast
+            )
     for function, (reading, contrast) in product(FUNCTIONS, {"absolute": 1e-12, "relative": 1e-6}.items()):
-        scene = beam(material=Material(1e6), contrast=contrast)
-        model = model_of(function, scene=scene)
+        model = model_of(function, scene=beam(material=Material(1e6)))
         for field, rho in fields(lattice().x):
             if field == "solid" and reading == "relative":
                 continue
-            yield Analysis(f"E_min = 1e-6, {reading}", f"{field}, {function}", partial(same, model), rho)
+            make = partial(same, model)
+            yield Analysis(f"E_min = 1e-6, {reading}", f"{field}, {function}", make, rho, contrast=contrast)
 
 
 def same(model: Model) -> Model:

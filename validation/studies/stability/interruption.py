@@ -17,11 +17,14 @@ from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
 
-from mpmtop.equilibrium import discretise
+from mpmtop.body import Body, Support
+from mpmtop.design import Design
+from mpmtop.loads import PointLoad
 from mpmtop.optimize import GCMMA, MMA, Iterate, UpdateRule, checkpoint, optimize
 from mpmtop.points import seed
-from mpmtop.problem import DesignProblem, Evaluation
-from mpmtop.scene import PointLoad, Rectangle, Scene, Support
+from mpmtop.problem import DesignProblem, Evaluation, design_problem
+from mpmtop.region import Rectangle
+from mpmtop.scene import Scene
 
 RULES: dict[str, UpdateRule] = {"MMA": MMA(), "GCMMA": GCMMA()}
 ITERATIONS = 5
@@ -30,17 +33,13 @@ AFTER = [f"{2 + 4 * k} ms from the start" for k in range(5)]
 MOMENTS = [*AT, *AFTER]
 
 
-def design_problem() -> DesignProblem:
+def interrupted() -> DesignProblem:
     """A cantilever of 5 x 2 cells, its points shifted."""
-    scene = Scene(
-        "interrupted",
-        Rectangle((0.0, 0.0), (5.0, 2.0)),
-        (Support(Rectangle((-np.inf, -np.inf), (0.0, np.inf))),),
-        (PointLoad((5.0, 1.0), (0.0, -1.0)),),
-        filter_radius=0.8,
-    )
-    points = seed(scene.domain, (0.5, 0.5)).moved((0.1, 0.05))
-    return DesignProblem(discretise(scene, 1.0, points=points))
+    domain = Rectangle((0.0, 0.0), (5.0, 2.0))
+    clamp = Support(Rectangle((-np.inf, -np.inf), (0.0, np.inf)))
+    scene = Scene("interrupted", Body(domain, (clamp,), (PointLoad((5.0, 1.0), (0.0, -1.0)),)), Design(0.4, 0.8))
+    points = seed(scene.body.domain, (0.5, 0.5)).moved((0.1, 0.05))
+    return design_problem(scene, 1.0, points=points)
 
 
 def last_of(iterates: Iterable[Iterate[Evaluation]]) -> Iterate[Evaluation]:
@@ -108,7 +107,7 @@ def forked(run: Callable[[], None], moment: str) -> bool:
 
 
 def main() -> None:
-    problem = design_problem()
+    problem = interrupted()
     found = {}
     for name, rule in RULES.items():
         whole = last_of(optimize(problem, rule, max_iterations=ITERATIONS, stop=lambda history: False))

@@ -23,9 +23,12 @@ import numpy as np
 import pandas as pd
 
 import mpmtop
-from mpmtop.equilibrium import Equilibrium, Model, equilibrium
+from mpmtop.arrays import Array
+from mpmtop.equilibrium import Equilibrium, equilibrium
+from mpmtop.errors import NotConverged, UnsupportedBody
+from mpmtop.model import Model
 from mpmtop.objectives import compliance, compliance_gradient, p_norm_stress, p_norm_stress_gradient
-from mpmtop.scene import Array, NotConverged, PNormStress, UnsupportedBody
+from mpmtop.scene import PNormStress
 from mpmtop.solvers import BandedCholesky, MultigridCG
 from validation.oracles.dense import Quantities, objectives
 from validation.oracles.extended import Undetermined, condition, extended, pseudo_compliance
@@ -33,6 +36,8 @@ from validation.oracles.extended import Undetermined, condition, extended, pseud
 Kind = Literal["right", "named error", "limit", "other"]
 KINDS: tuple[Kind, ...] = ("right", "named error", "limit", "other")
 
+PENAL, CONTRAST = 3.0, 1e-9
+"""Of the stiffness law."""
 RTOL = 1e-8
 """Of the compliance, whatever the condition number: ten times what `checked_solve` accepts by rounded residuals."""
 ROUNDING = 10 * float(np.finfo(float).eps)
@@ -133,7 +138,8 @@ def tally(outcomes: Iterable[Outcome]) -> pd.DataFrame:
 
 @dataclass(frozen=True, eq=False)
 class Analysis:
-    """A body to analyse: how its model is made, with `multigrid` as its solver, and the densities rho (p,) or solid.
+    """A body to analyse: how its model is made, with `multigrid` as its solver, the densities rho (p,) or
+    solid, and the contrast of their moduli.
 
     `error` is what making the model may raise. `compliance` and `rtol` are an invariant's expectation. Where `sane` is
     given, a compliance further from it than a factor of `within` is the documented `limit`, and wrong if there is none.
@@ -143,6 +149,7 @@ class Analysis:
     name: str
     make: Callable[[], Model]
     rho: Array | None = None
+    contrast: float = CONTRAST
     error: type[Exception] | None = None
     compliance: float | None = None
     rtol: float = RTOL
@@ -177,7 +184,7 @@ class Analysis:
     def run(self) -> Finding:
         """Judge state, objectives and gradients."""
         model = direct(self.discretised())
-        rho, moduli = densities(model, self.rho)
+        rho, moduli = densities(model, self.rho, self.contrast)
         with no_false_alarm(model, moduli):
             found = quantities(model, equilibrium(model, moduli), rho)
         expected, number = reference(model, moduli, rho)
@@ -198,7 +205,7 @@ class Analysis:
         multigrid's compliance is judged without it. Displacements may differ by what a force of the tolerance moves a
         piece in void: they are compared in units of the force and the least modulus then."""
         model = self.discretised()
-        rho, moduli = densities(model, self.rho)
+        rho, moduli = densities(model, self.rho, self.contrast)
         with no_false_alarm(model, moduli):
             ours = quantities(model, equilibrium(model, moduli), rho)
         tol = 10 * model.solver.tolerance
@@ -221,7 +228,7 @@ class Analysis:
             exact = extended(model, moduli)
         except Undetermined:
             return Finding(abs(ours / pseudo_compliance(model, moduli) - 1) / HOPELESS, UNSEEN)
-        return Finding(abs(ours / float(exact.body.f_ext @ exact.u) - 1) / tol)
+        return Finding(abs(ours / float(exact.equations.f_ext @ exact.u) - 1) / tol)
 
 
 @contextmanager
@@ -239,8 +246,8 @@ def reference(model: Model, moduli: Array, rho: Array) -> tuple[Quantities, floa
     """What extended precision finds, and the condition number of K scaled by its diagonal. Raises Wrong: an answer
     without a reference, and an error of the reference itself, is no named error of mpmtop's."""
     try:
-        body, u, solve, number = extended(model, moduli)
-        return objectives(body, u, moduli, rho, solve, model.scene, NORM.p, NORM.q), number
+        equations, u, solve, number = extended(model, moduli)
+        return objectives(equations, u, moduli, rho, solve, model.body.material, NORM.p, NORM.q), number
     except Exception as error:
         raise Wrong(f"no reference: {error}") from error
 
@@ -271,11 +278,10 @@ def quantities(model: Model, state: Equilibrium, rho: Array) -> Quantities:
     )
 
 
-def densities(model: Model, rho: Array | None) -> tuple[Array, Array]:
-    """Densities (p,), one unless given, and the point moduli (p,) of the scene's law."""
-    scene = model.scene
+def densities(model: Model, rho: Array | None, contrast: float) -> tuple[Array, Array]:
+    """Densities (p,), one unless given, and the point moduli (p,), by the law of the paper."""
     rho = np.ones(len(model.points.x)) if rho is None else rho
-    return rho, scene.material.young * (scene.contrast + rho**scene.penal * (1 - scene.contrast))
+    return rho, model.body.material.young * (contrast + rho**PENAL * (1 - contrast))
 
 
 def worst(*deviations: float) -> float:

@@ -8,25 +8,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mpmtop.equilibrium import Model, discretise
+from mpmtop.body import Material, Support
+from mpmtop.errors import EmptyDomain, InvalidScene, LoadOutsideBody, PointOutsideGrid, UnsupportedBody
 from mpmtop.grid import Grid
+from mpmtop.loads import PointLoad
+from mpmtop.model import Model, discretise
 from mpmtop.optimize import GCMMA, MMA, OptimalityCriteria, SingleStepGCMMA, optimize
 from mpmtop.points import MaterialPoints
 from mpmtop.problem import DesignProblem
 from mpmtop.region import Circle, Rectangle
-from mpmtop.scene import (
-    Compliance,
-    EmptyDomain,
-    InvalidScene,
-    LoadOutsideBody,
-    Material,
-    PNormStress,
-    PointLoad,
-    PointOutsideGrid,
-    Scene,
-    Support,
-    UnsupportedBody,
-)
+from mpmtop.scene import Compliance, PNormStress, Scene
 from validation.studies.stability.cases import FUNCTIONS, beam, lattice, model_of
 from validation.studies.stability.judge import Case, Finding, direct, refused, worst
 from validation.studies.stability.runs import FEASIBLE
@@ -48,7 +39,8 @@ def base(function: str) -> Model:
 
 def problem_of(function: str, **changes: Any) -> DesignProblem:
     """The beam with other parameters of the optimisation, on the same discretisation."""
-    return DesignProblem(replace(base(function), scene=beam(**changes)))
+    scene = beam(**changes)
+    return DesignProblem(base(function), scene.design, scene.objective)
 
 
 def parameters() -> Iterator[Case]:
@@ -168,10 +160,10 @@ def invalid_points() -> Iterator[Refusal]:
 def invalid_models() -> Iterator[Refusal]:
     """Cells, grids, points and loads that do not fit each other."""
     for h in (0.0, -1.0, nan, inf):
-        yield Refusal(partial(discretise, beam(), h), InvalidScene, "spacing")
-    yield Refusal(partial(discretise, beam(), 0.3), InvalidScene, "does not divide")
+        yield Refusal(partial(discretise, beam().body, h), InvalidScene, "spacing")
+    yield Refusal(partial(discretise, beam().body, 0.3), InvalidScene, "does not divide")
     for ppc in (0, -1):
-        yield Refusal(partial(discretise, beam(), 1.0, ppc), ValueError, "points per cell")
+        yield Refusal(partial(discretise, beam().body, 1.0, ppc), ValueError, "points per cell")
     small, other = Grid((0.0, 0.0), (1.0, 1.0), (4, 2)), Grid((0.0, 0.0), (1.0, 1.0), (9, 9))
     yield Refusal(partial(model_of, "tent", grid=small), PointOutsideGrid, "enlarge the grid")
     yield Refusal(partial(model_of, "tent", (1e3, 0.0), grid=other), PointOutsideGrid, "enlarge the grid")
@@ -192,4 +184,4 @@ def invalid_models() -> Iterator[Refusal]:
 
 def analysed(scene: Scene) -> object:
     """The solid beam of another scene."""
-    return DesignProblem(model_of("tent", scene=scene)).analyse(np.ones(40))
+    return DesignProblem(model_of("tent", scene=scene), scene.design).analyse(np.ones(40))

@@ -15,6 +15,8 @@ import meshio
 import numpy as np
 
 from mpmtop import export
+from mpmtop.arrays import Array
+from mpmtop.errors import NotConverged
 from mpmtop.optimize import (
     GCMMA,
     MMA,
@@ -27,9 +29,8 @@ from mpmtop.optimize import (
 )
 from mpmtop.optimize.checkpoint import Run, load_checkpoint
 from mpmtop.problem import DesignProblem, Evaluation
-from mpmtop.scene import Array, NotConverged
-from validation.studies.stability.cases import FUNCTIONS, model_of
-from validation.studies.stability.interruption import AT, MOMENTS, RULES, Survival, design_problem, last_of
+from validation.studies.stability.cases import FUNCTIONS, beam, model_of
+from validation.studies.stability.interruption import AT, MOMENTS, RULES, Survival, interrupted, last_of
 from validation.studies.stability.judge import Case, Finding, Wrong, direct, distance, refused, worst
 
 FEASIBLE = 1e-6
@@ -127,8 +128,8 @@ def optimisers() -> Iterator[Case]:
 
 def injected(function: str, rule: UpdateRule, bad: float, *, in_gradient: bool) -> list[Iterate[Evaluation]]:
     """A run on the beam whose objective, or one entry of its gradient, is `bad`."""
-    problem = DesignProblem(direct(model_of(function, (0.1, 0.05))))
-    whole = problem.objective
+    problem = DesignProblem(direct(model_of(function, (0.1, 0.05))), beam().design)
+    whole = problem.functional
 
     def gradient(*arguments: Any) -> tuple[Array, Array]:
         by_rho, by_moduli = whole.gradient(*arguments)
@@ -136,7 +137,7 @@ def injected(function: str, rule: UpdateRule, bad: float, *, in_gradient: bool) 
         return by_rho, by_moduli
 
     spoilt = whole._replace(gradient=gradient) if in_gradient else whole._replace(value=lambda *arguments: bad)
-    vars(problem)["objective"] = spoilt  # a cached property
+    vars(problem)["functional"] = spoilt  # a cached property
     return list(optimize(problem, rule, max_iterations=3))
 
 
@@ -211,7 +212,7 @@ def resumed(end: Survival, *, must_be_hit: bool) -> Finding:
 @cache
 def checkpoint() -> tuple[bytes, Run]:
     """A whole checkpoint, and the run it belongs to."""
-    problem, rule = design_problem(), MMA()
+    problem, rule = interrupted(), MMA()
     with TemporaryDirectory() as folder:
         path = Path(folder) / "run.npz"
         last_of(optimize(problem, rule, checkpoint=path, max_iterations=3))
@@ -240,7 +241,7 @@ def damaged(*, truncate: int = 0, flip: int | None = None, content: bytes | None
 
 def reopened(function: str) -> Finding:
     """Points and grid in VTU files, read back by meshio."""
-    problem = DesignProblem(direct(model_of(function, (0.1, 0.05))))
+    problem = DesignProblem(direct(model_of(function, (0.1, 0.05))), beam().design)
     at = problem.evaluate(problem.x0)
     with TemporaryDirectory() as folder:
         export.write_points(Path(folder) / "points.vtu", problem.model, at.state, at.rho)

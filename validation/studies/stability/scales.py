@@ -7,18 +7,22 @@ from typing import Literal
 
 import numpy as np
 
-from mpmtop.equilibrium import discretise, equilibrium
+from mpmtop.arrays import Array
+from mpmtop.body import Material
+from mpmtop.equilibrium import equilibrium
+from mpmtop.loads import PointLoad
+from mpmtop.model import discretise
 from mpmtop.objectives import compliance
 from mpmtop.optimize import GCMMA, optimize
 from mpmtop.points import MaterialPoints, seed
 from mpmtop.problem import DesignProblem
-from mpmtop.scene import Array, Compliance, Material, PNormStress, PointLoad, Scene
+from mpmtop.scene import Compliance, PNormStress, Scene
 from validation.studies.stability.cases import FUNCTIONS, beam, lattice, model_of
 from validation.studies.stability.judge import Analysis, Case, Finding, Limit, direct, distance, quantities, worst
 
 PLANES: tuple[Literal["strain", "stress"], ...] = ("strain", "stress")
 LOCKING = Limit("volumetric locking", least=0.1, most=1.0)
-"""Limit: see `mpmtop.scene.Material`; too stiff, by less than an order of magnitude up to 0.49999."""
+"""Limit: see `mpmtop.body.Material`; too stiff, by less than an order of magnitude up to 0.49999."""
 
 
 def materials() -> Iterator[Analysis]:
@@ -34,7 +38,7 @@ def materials() -> Iterator[Analysis]:
         )
     for function, k, s in product(FUNCTIONS, [k for k in range(-12, 13) if k != 0], (0.0, 0.1)):
         h = (1.0, 10.0 ** (k / 4))
-        points = seed(beam(h=h).domain, (h[0] / 2, h[1] / 2)).moved(np.multiply(h, s))
+        points = seed(beam(h=h).body.domain, (h[0] / 2, h[1] / 2)).moved(np.multiply(h, s))
         make = partial(model_of, function, points=points, scene=beam(h=h), h=h)
         yield Analysis(f"aspect ratio, {function}", f"{h[1]:.3g}, {s}", make)
 
@@ -85,7 +89,8 @@ def designed(function: str, objective: Compliance | PNormStress, h: float, E: fl
     """Design (p,) after five steps, and its objective in units of h, E and F."""
     load = PointLoad((5 * h, h), (0.0, -F))
     scene = beam(h=(h, h), material=Material(E), loads=(load,), objective=objective)
-    problem = DesignProblem(direct(model_of(function, scene=scene, h=h, points=seed(scene.domain, (h / 2, h / 2)))))
+    model = direct(model_of(function, scene=scene, h=h, points=seed(scene.body.domain, (h / 2, h / 2))))
+    problem = DesignProblem(model, scene.design, objective)
     *_, last = optimize(problem, GCMMA(), max_iterations=5, stop=lambda history: False)
     return last.x, last.objective / (F**2 / E if isinstance(objective, Compliance) else F / h)
 
@@ -96,7 +101,7 @@ def scaled(function: str, s: float, h: float, E: float, F: float) -> Finding:
         h=(h, h),
         material=Material(E),
         loads=(PointLoad((5 * h, h), (0.0, -F)),),
-        supports=beam().supports,
+        supports=beam().body.supports,
         contrast=1e-3,
     )
     unit = lattice().moved((s, s / 2))
@@ -116,7 +121,7 @@ def nondimensional(
     function: str, scene: Scene, points: MaterialPoints, h: float, E: float, F: float
 ) -> tuple[Array, ...]:
     """All quantities of the beam with random densities, in units of h, E and F."""
-    model = discretise(scene, h, points=points, shape_function=FUNCTIONS[function])
+    model = discretise(scene.body, h, points=points, shape_function=FUNCTIONS[function])
     rho = np.random.default_rng(5).uniform(0.2, 1, len(points.x))
     found = quantities(model, equilibrium(model, E * (1e-3 + rho**3 * (1 - 1e-3))), rho)
     unit = (F**2 / E, F / h, F**2 / E, F / h, F / E)

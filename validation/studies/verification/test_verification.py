@@ -8,11 +8,12 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 
-from mpmtop.equilibrium import discretise, equilibrium
+from mpmtop.equilibrium import equilibrium
 from mpmtop.grid import Grid
+from mpmtop.model import discretise
 from mpmtop.objectives import compliance
 from mpmtop.points import MaterialPoints, seed
-from mpmtop.scene import Rectangle
+from mpmtop.region import Rectangle
 from mpmtop.shape_functions import ShapeFunction
 from mpmtop.transfer import transfer
 from validation import paper
@@ -24,7 +25,7 @@ from validation.methods.analyser import SHAPE_FUNCTIONS
 
 def arrangements() -> dict[str, MaterialPoints]:
     """Points of the cantilever: uniform, shifted as a whole, and uneven in three ways."""
-    uniform = seed(cantilever().domain, (SPACING, SPACING))
+    uniform = seed(cantilever().body.domain, (SPACING, SPACING))
     x = uniform.x[:, 0]
     last_column = np.isclose(x % (4 * H), 3.75 * H)
     rng = np.random.default_rng(20)
@@ -116,10 +117,10 @@ def test_outer_edge(report: Report) -> None:
     """
     shifts = (0.0, 1e-9, 1e-6, 1e-3, 1e-2)
     scene = cantilever()
-    points = seed(scene.domain, (SPACING, SPACING))
+    points = seed(scene.body.domain, (SPACING, SPACING))
     rows: dict[str, dict[str, float]] = {}
     for name, function in SHAPE_FUNCTIONS.items():
-        models = (discretise(scene, H, points=points.moved((0.0, s * H)), shape_function=function) for s in shifts)
+        models = (discretise(scene.body, H, points=points.moved((0.0, s * H)), shape_function=function) for s in shifts)
         values = [compliance(model, equilibrium(model, np.ones(len(points.x)))) for model in models]
         rows[name] = {f"{s:g} h": v / values[0] - 1 for s, v in zip(shifts, values, strict=True)}
     table = pd.DataFrame.from_dict(rows, orient="index").rename_axis("shift in y")

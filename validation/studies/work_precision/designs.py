@@ -7,9 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from mpmtop.equilibrium import discretise
-from mpmtop.problem import DesignProblem
-from mpmtop.scene import Array
+from mpmtop.arrays import Array
+from mpmtop.problem import design_problem as points_problem
 from mpmtop.shape_functions import tent
 from reference_fem.reanalyse import Judge, build_judge
 from reference_fem.simp import design_problem
@@ -30,8 +29,8 @@ class Optimised(NamedTuple):
 
 def optimised_points(per_h: float, ppc: int) -> Optimised:
     """40 iterations by the tent on cells of size h / per_h with ppc x ppc points each, filter radius 1.5h."""
-    model = discretise(tip_scene(), 1 / per_h, ppc, tent)
-    problem = DesignProblem(model)
+    problem = points_problem(tip_scene(), 1 / per_h, ppc, tent)
+    model = problem.model
     rho = optimised(problem)
     cost = of_points(model, {})
     design = Design(model.points.x, model.points.half_length, rho)

@@ -1,21 +1,23 @@
 """Compliance of a fixed optimised field."""
 
-from dataclasses import replace
 from functools import cache
 from typing import Any
 
 import numpy as np
 
+from mpmtop.arrays import Array
 from mpmtop.equilibrium import equilibrium
+from mpmtop.loads import RegionLoad
 from mpmtop.material import simp
 from mpmtop.optimize import Problem, optimize
 from mpmtop.points import seed
-from mpmtop.scene import Array, Rectangle, RegionLoad, Scene
+from mpmtop.region import Rectangle
+from mpmtop.scene import Scene
 from mpmtop.shape_functions import ShapeFunction
 from reference_fem.reanalyse import Judgement, build_judge
 from reference_fem.simp import design_problem
 from validation.bodies.crossing import Crossing
-from validation.bodies.scenes import cantilever
+from validation.bodies.scenes import cantilever, changed
 from validation.measures.outcome import Measure, of_elements, of_points
 from validation.measures.probe import points_model
 from validation.methods.analyser import PAPER_RULE, Design
@@ -29,7 +31,7 @@ def tip_scene(per_h: float = 1.0) -> Scene:
     mid-height, the same for every discretisation."""
     patch = RegionLoad(Rectangle((38 * per_h, 8 * per_h), (40 * per_h, 12 * per_h)), (0.0, -1.0))
     domain = Rectangle((0.0, 0.0), (40 * per_h, 20 * per_h))
-    return replace(
+    return changed(
         cantilever(), name="cantilever, load on a patch", domain=domain, loads=(patch,), filter_radius=RADIUS * per_h
     )
 
@@ -47,7 +49,7 @@ def field() -> Design:
     problem = design_problem(tip_scene(), 1.0)
     centres = problem.model.centres
     found = Design(centres, np.full_like(centres, 0.5), optimised(problem))
-    squares = seed(tip_scene().domain, (1.0, 1.0))
+    squares = seed(tip_scene().body.domain, (1.0, 1.0))
     return Design(squares.x, squares.half_length, found.at(squares.x))
 
 
@@ -61,11 +63,11 @@ def field_compliance(split: int, order: int = 2) -> Judgement:
 def field_points(n: int, shape_function: ShapeFunction, ppc: int, crossing: Crossing) -> Measure:
     """Compliance of the field on cells of size 2h / n, its squares' densities given to the points seeded in them."""
     scene = tip_scene(n / 2)
-    seeded = seed(scene.domain, (1 / ppc, 1 / ppc))
+    seeded = seed(scene.body.domain, (1 / ppc, 1 / ppc))
     column, row = np.floor(2 * seeded.x / n).astype(int).T
     rho = field().rho[20 * column + row]
-    model = points_model(scene, shape_function, ppc, crossing)
-    state = equilibrium(model, scene.material.young * simp(rho, scene.penal, scene.contrast)[0])
+    model = points_model(scene.body, shape_function, ppc, crossing)
+    state = equilibrium(model, scene.body.material.young * simp(rho, scene.design.penal, scene.design.contrast)[0])
     return lambda: of_points(model, field_error(float(model.f_ext @ state.u)))
 
 

@@ -5,7 +5,7 @@ from functools import partial
 import numpy as np
 import pandas as pd
 
-from mpmtop.scene import NotConverged, UnsupportedBody
+from mpmtop.errors import NotConverged, UnsupportedBody
 from mpmtop.solvers import SingularMatrix
 from validation.bodies.crossing import Crossing, Uniform
 from validation.harness.plugin import ShowProgress

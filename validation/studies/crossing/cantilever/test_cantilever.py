@@ -17,8 +17,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from mpmtop.arrays import Array, Mask
 from mpmtop.points import seed
-from mpmtop.scene import Array, Mask
 from reference_fem import elasticity
 from reference_fem.reanalyse import Judge, build_judge
 from validation import paper
@@ -235,7 +235,7 @@ def test_stress_field(
 
 def in_soft_cells(crossing: Crossing) -> Mask:
     """Which points (p,) share their cell, after crossing, with fewer than the four of an undisturbed one."""
-    body = cantilever().domain
+    body = cantilever().body.domain
     cell = np.floor(crossing(seed(body, (SPACING, SPACING)), body).x / H + 1e-9)
     _, inverse, count = np.unique(cell, axis=0, return_inverse=True, return_counts=True)
     return count[inverse.ravel()] < 4

@@ -15,10 +15,10 @@ import pytest
 from joblib import Parallel, delayed
 from scipy.spatial import KDTree
 
+from mpmtop.arrays import Array
 from mpmtop.material import von_mises
 from mpmtop.optimize import GCMMA
 from mpmtop.points import seed
-from mpmtop.scene import Array
 from reference_fem.reanalyse import Judge, build_judge, judge_stress
 from validation import paper
 from validation.bodies.crossing import Crossing, Periodic
@@ -83,7 +83,7 @@ def judge(analysers: dict[str, Analyser]) -> Judge:
 
 def solid_von_mises(analyser: Analyser) -> Array:
     """Von Mises stress (p,) of the solid bracket, in the order of the lattice of points."""
-    lattice = seed(l_bracket().domain, (SPACING, SPACING)).x
+    lattice = seed(l_bracket().body.domain, (SPACING, SPACING)).x
     field = analyser.solid_von_mises(analyser.problem.analyse(np.ones(len(analyser.x))))
     return analyser.design(field).at(lattice)
 
@@ -96,7 +96,7 @@ def test_path(report: Report, lock: Lock, analysers: dict[str, Analyser]) -> Non
     corner, over the whole width, and the points on the diagonal from the corner to the outer one. Points are plotted at
     their place in the body. Stress is that of the solid; the finite elements have one element for each point.
     """
-    x = seed(l_bracket().domain, (SPACING, SPACING)).x
+    x = seed(l_bracket().body.domain, (SPACING, SPACING)).x
     fields = {name: solid_von_mises(a) for name, a in analysers.items()}
     diagonal = np.flatnonzero(np.isclose(x[:, 0], x[:, 1]) & (x[:, 0] < CORNER[0]))
     horizontal = np.flatnonzero(np.isclose(x[:, 1], CORNER[1] - SPACING / 2))
@@ -149,7 +149,7 @@ def p_norm(analyser: Analyser) -> float:
 
 def draw_fields(report: Report, lattice: Analyser, fields: dict[str, Array]) -> None:
     figure, axes = plt.subplots(1, 3, figsize=(8.0, 3.2), sharey=True)
-    x = seed(l_bracket().domain, (SPACING, SPACING))
+    x = seed(l_bracket().body.domain, (SPACING, SPACING))
     limit = float(np.percentile(fields["FEM"], 99.5))
     for ax, (name, field) in zip(axes, fields.items(), strict=True):
         drawn = draw_points(ax, x.x, x.half_length, field, vmin=0, vmax=limit, label="von Mises stress [F/h]")
@@ -347,7 +347,7 @@ def in_plane_share(analyser: Analyser, rho: Array) -> float:
 
     In plane strain vm² = sx² + sy² - sx sy + 3 t² + sigma_zz (sigma_zz - sx - sy), with sigma_zz = nu (sx + sy).
     """
-    material = analyser.scene.material
+    material = analyser.scene.body.material
     problem: Any = analyser.problem
     evaluation = problem.analyse(rho)
     stress = problem.model.stress(np.full(len(rho), material.young), evaluation.state.strain)

@@ -1,0 +1,157 @@
+"""Model: a body on a grid with material points, its loads and supports, and the operators made of them."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from mpmtop.arrays import Array, Mask
+from mpmtop.b_bar import with_mean_dilatation
+from mpmtop.body import Body, Support
+from mpmtop.errors import InvalidScene, LoadOutsideBody, UnsupportedBody
+from mpmtop.ghost import GhostPenalty, ghost_penalty
+from mpmtop.grid import Grid
+from mpmtop.loads import PointLoad, RegionLoad
+from mpmtop.material import tangent
+from mpmtop.points import MaterialPoints, seed
+from mpmtop.region import divisions
+from mpmtop.shape_functions import ShapeFunction, tent
+from mpmtop.solvers import Lattice, Pattern, Solver, choose_solver
+from mpmtop.stiffness import Stiffness, stiffness
+from mpmtop.transfer import Transfer, transfer, weights
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """A body on a grid with material points: all that stays the same while densities change.
+
+    The body may be exchanged for one with other loads (`dataclasses.replace`). One of another material or on other
+    supports is InvalidScene: K is made of them.
+    """
+
+    body: Body
+    grid: Grid
+    points: MaterialPoints
+    shape_function: ShapeFunction
+    transfer: Transfer
+    ghost: GhostPenalty
+    stiffness: Stiffness
+    solver: Solver
+
+    def __post_init__(self) -> None:
+        held = held_dofs(self.body.supports, self.grid.node_positions(self.transfer.nodes), 1e-9 * min(self.grid.h))
+        if np.any(held[self.stiffness.dof]) or len(held) - np.count_nonzero(held) != len(self.stiffness.dof):
+            raise InvalidScene("the stiffness was made for other supports: discretise the body anew")
+        if not np.array_equal(self.stiffness.D, self.D):
+            raise InvalidScene("the stiffness was made of another material: discretise the body anew")
+
+    @cached_property
+    def D(self) -> Array:
+        """Elastic tangent at unit modulus (3, 3)."""
+        return tangent(self.body.material)
+
+    @cached_property
+    def f_ext(self) -> Array:
+        """Nodal forces (2a,) of the body's loads, held degrees of freedom included."""
+        return external_force(self.body.loads, self.grid, self.points, self.transfer)
+
+    def stress(self, moduli: Array, strain: Array) -> Array:
+        """Stresses (p, 3), Voigt, at the points with Young's moduli (p,): sigma_p = E_p D eps_p."""
+        return moduli[:, None] * (strain @ self.D)
+
+    def internal_force(self, stress: Array) -> Array:
+        """f_int = sum_p V_p B_p^T sigma_p, (2a,), of the points; a ghost penalty adds its own `force`."""
+        return self.transfer.B.T @ (self.points.volume[:, None] * stress).ravel()
+
+
+def discretise(
+    body: Body,
+    h: float | tuple[float, float],
+    ppc: int | tuple[int, int] = 2,
+    shape_function: ShapeFunction = tent,
+    *,
+    points: MaterialPoints | None = None,
+    grid: Grid | None = None,
+    ghost: float = 0.0,
+    b_bar: bool = False,
+    solver: Callable[[Pattern], Solver] = choose_solver,
+) -> Model:
+    """Discretise `body` by cells of size h (hx, hy) with ppc (nx, ny) points per cell and direction.
+
+    `points` replaces the seeded points, `grid` the grid laid around them with a line on the domain's lower left corner,
+    `solver` the choice of solver by size, `choose_solver`. `ghost` is gamma of the ghost penalty, see `mpmtop.ghost`:
+    zero for none; tent and GIMP only. `b_bar` averages the dilatation over each cell against volumetric locking, see
+    `mpmtop.b_bar`.
+    Raises EmptyDomain, PointOutsideGrid, LoadOutsideBody, UnsupportedBody, or InvalidScene for `b_bar` in plane stress.
+
+    Limit: domains of GIMP that leave the body's outermost cells by a hair give the nodes outside a hair of stiffness.
+    These move far and the edge gets softer by a step, the more so the fewer cells the body has, unless a ghost penalty
+    ties them: take quantities of interest at points, not at nodes.
+    """
+    hx, hy = (float(s) for s in np.broadcast_to(h, 2))
+    lower, upper = body.domain.bounds
+    if points is None:
+        nx, ny = np.broadcast_to(ppc, 2)
+        if min(nx, ny) < 1 or not np.issubdtype(nx.dtype, np.integer):
+            raise ValueError(f"{ppc} points per cell: give at least one in each direction, a whole number")
+        points = seed(body.domain, (hx / nx, hy / ny))
+        # the lattice took the exact division of the sides; a grid of another pitch would drift through the points
+        hx, hy = (upper - lower) * (nx, ny) / divisions("spacing", (lower, upper), (hx / nx, hy / ny))
+    if grid is None:
+        outside = np.maximum([lower - points.x.min(axis=0), points.x.max(axis=0) - upper], 0) / (hx, hy)
+        grid = Grid.around(lower, upper, (hx, hy), margin=2 + int(np.ceil(outside.max())))
+    operators = transfer(grid, points, shape_function)
+    penalty = ghost_penalty(ghost, grid, points, operators, shape_function)
+    if b_bar:
+        if body.material.plane == "stress":
+            raise InvalidScene("b_bar: plane stress does not lock, and B-bar only makes it softer; leave it off")
+        operators = with_mean_dilatation(grid, points, operators)
+    held = held_dofs(body.supports, grid.node_positions(operators.nodes), 1e-9 * min(grid.h))
+    K = stiffness(grid, points, operators, tangent(body.material), held, penalty)
+    node, component = np.divmod(K.dof, 2)
+    lines = np.stack(np.divmod(operators.nodes[node], grid.nodes[1]), axis=-1)
+    chosen = solver(Pattern(len(K.dof), K.row, K.col, Lattice(grid.h, lines, component)))
+    model = Model(body, grid, points, shape_function, operators, penalty, K, chosen)
+    if body.loads and not np.any(model.f_ext[K.dof]):
+        raise LoadOutsideBody(
+            "the loads act on held nodes only: move them away from the supports, or make them nonzero"
+        )
+    return model
+
+
+def external_force(
+    loads: tuple[PointLoad | RegionLoad, ...], grid: Grid, points: MaterialPoints, operators: Transfer
+) -> Array:
+    """Nodal forces (2a,) of loads, p2g through the shape functions of the points that carry them."""
+    force = np.zeros((len(operators.nodes), 2))
+    tol = 1e-9 * min(grid.h)
+    for load in loads:
+        if isinstance(load, PointLoad) and load.points == 0:
+            position = replace(
+                points, x=np.array([load.position]), volume=points.volume[:1], half_length=points.half_length[:1]
+            )
+            node, _, N, _ = (w[0] for w in weights(grid, position, tent))
+            node, N = node[N != 0], N[N != 0]
+            if not np.all(np.isin(node, operators.nodes)):
+                raise LoadOutsideBody(f"load at {load.position}: no material point touches its nodes; move it inwards")
+            np.add.at(force, np.searchsorted(operators.nodes, node), N[:, None] * load.force)
+        else:
+            carriers, share = load.shares(points.x, tol)
+            force += np.outer(operators.N_matrix[carriers].T @ share, load.force)
+    return force.ravel()
+
+
+def held_dofs(supports: tuple[Support, ...], position: Array, tol: float) -> Mask:
+    """Which degrees of freedom (2a,) of the nodes at `position` (a, 2) the supports hold."""
+    held = np.zeros((len(position), 2), dtype=bool)
+    for support in supports:
+        inside = support.region.contains(position, tol)
+        if not np.any(inside):
+            lower, upper = support.region.bounds
+            raise UnsupportedBody(
+                f"the support from {lower} to {upper} holds no node that a material point touches: "
+                "move it onto the body"
+            )
+        held |= inside[:, None] & np.array(support.fixed)
+    return held.ravel()
