@@ -267,12 +267,12 @@ def test_checked_solve_mends_a_solver_and_refuses_a_useless_one() -> None:
     def solution(factor: float, tol: float | None = None) -> Solution:
         return checked_solve(model, moduli, lambda b: factor * exact.solve(b), model.f_ext, tol=tol)
 
-    assert solution(1.0).steps == 1
+    assert solution(1.0).solves == 1
     for factor, steps in ((1 + 1e-4, 3), (1 - 1e-6, 2)):  # every step divides the error by 1e4 and 1e6
         mended = solution(factor)
-        assert mended.steps == steps
+        assert mended.solves == steps
         np.testing.assert_allclose(mended.u, exact.u, rtol=0, atol=1e-8 * np.abs(exact.u).max())  # tol, and a digit
-    assert solution(1 + 1e-4, tol=1e-3).steps == 1
+    assert solution(1 + 1e-4, tol=1e-3).solves == 1
     with pytest.raises(NotConverged, match="nearly singular at displacement"):
         solution(1.2)
     for useless in (np.nan, -1.0):
@@ -281,7 +281,7 @@ def test_checked_solve_mends_a_solver_and_refuses_a_useless_one() -> None:
     with pytest.raises(ValueError, match="choose units"):
         solution(0.0)
     nothing = checked_solve(model, moduli, exact.solve, np.zeros_like(model.f_ext))
-    assert nothing.steps == 0
+    assert nothing.solves == 0
     assert not np.any(nothing.u)
 
 
@@ -302,7 +302,7 @@ def test_an_adjoint_whose_work_on_the_state_is_off_is_refused() -> None:
     assert adjoint(1e-7, state.u).residual < 1e-6
     with pytest.raises(NotConverged):
         adjoint(3e-5, state.u)
-    assert adjoint(0.0, np.zeros_like(state.u)).steps == 1
+    assert adjoint(0.0, np.zeros_like(state.u)).solves == 1
 
 
 def test_a_soft_part_that_a_small_residual_misses() -> None:

@@ -18,7 +18,7 @@ from mpmtop.filter import DensityFilter
 from mpmtop.optimize import GCMMA, initial_state
 from mpmtop.problem import DesignProblem, Evaluation, design_problem
 from mpmtop.scene import Compliance, PNormStress
-from mpmtop.solvers import MultigridCG, Pattern, Solve, Solver, SparseCholesky
+from mpmtop.solvers import MultigridCG, Pattern, Solve, Solver, SparseCholesky, choose_solver
 from validation.bodies.scenes import SPACING, H, cantilever
 from validation.measures.timing import cpu_seconds, in_own_process
 from validation.methods.analyser import MOVE
@@ -156,7 +156,7 @@ class Measurement(NamedTuple):
         return np.array([sum(spent.values()) for spent in self.iterations])
 
 
-def problem_of(nx: int, objective: str, solver: ChosenBy | None = None) -> DesignProblem:
+def problem_of(nx: int, objective: str, solver: ChosenBy = choose_solver) -> DesignProblem:
     """The cantilever with nx x nx / 2 points, 2 x 2 in a cell; the filter's radius is three spacings."""
     spacing = SPACING * 80 / nx
     scene = cantilever(radius=3 * spacing, objective=OBJECTIVES[objective])
