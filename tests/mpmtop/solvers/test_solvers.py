@@ -41,7 +41,7 @@ NOTCHED = Difference(Rectangle((0, 0), (40, 20)), Rectangle((16, 8), (40, 20)))
 HOLED = Difference(Rectangle((0, 0), (40, 20)), Circle((21.3, 9.2), 6.3))
 BODIES: dict[str, tuple[dict, dict]] = {
     "tent": ({}, {}),
-    "L": ({"domain": NOTCHED, "loads": cantilever(40, 6).loads}, {}),
+    "L": ({"domain": NOTCHED, "loads": cantilever(40, 6).body.loads}, {}),
     "hole": ({"domain": HOLED}, {}),
     "gimp across cells": ({}, {"shape_function": gimp, "shift": 0.3}),
     "ghost": ({"domain": HOLED}, {"shift": 0.3, "ghost": 0.01}),
