@@ -377,7 +377,7 @@ def test_solvers_that_differ_are_found(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_multigrid_that_gives_up_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
     """Without an answer there is nothing to compare, and no reason for it."""
 
-    def gives_up(self: MultigridCG, data: Array) -> Solve:
+    def gives_up(self: MultigridCG, data: Array, tolerance: float | None = None) -> Solve:
         raise NotConverged("planted")
 
     monkeypatch.setattr(MultigridCG, "factor", gives_up)
