@@ -58,3 +58,10 @@ def test_curvature_grows_by_what_was_missing(excess: float, factor: float | None
     assert expected <= 10 * rho
     np.testing.assert_allclose(second.curvature[0], expected, rtol=1e-9)  # `predicted` is exact to 1e-13 of the excess
     assert second.curvature[1] == first.curvature[1]  # the mean is linear: conservative at once
+
+
+def test_flat_functions_keep_the_least_curvature() -> None:
+    """Without a slope Svanberg's first curvature is 1e-6, for the single step and the warm start alike."""
+    flat = replace(ripples(), df=lambda x: np.zeros(20), dg=lambda x: np.zeros((1, 20)))
+    for rule in (SingleStepGCMMA(), GCMMA(warm_start=True, max_inner=1)):
+        np.testing.assert_array_equal(steps(flat, rule, 3)[0].curvature, 1e-6)
