@@ -26,6 +26,8 @@ from validation.harness.report import Report
 from validation.measures.timing import Work, cpu_seconds, in_own_process
 from validation.methods.analyser import METHODS, MOVE, Optimisation
 
+ASKED = "Do other codes give the same numbers, and how long do they take?"
+
 if find_spec("pymoto"):
     from validation.methods.pymoto import Iteration, PyMoto, iterations
 if find_spec("KratosMultiphysics"):

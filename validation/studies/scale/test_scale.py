@@ -31,6 +31,8 @@ from validation.studies.scale.sizes import (
     run_of,
 )
 
+ASKED = "How do time and memory of an iteration grow, up to millions of points?"
+
 SIZES = (80, 200, 500)
 LARGE = (500, 1000, 1416, 2000)
 """Points along the cantilever: 3,200, 20,000 and 125,000 points; to 500,000, 1,002,528 and 2,000,000."""

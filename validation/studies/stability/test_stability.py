@@ -62,6 +62,8 @@ from validation.studies.stability.parameters import parameters
 from validation.studies.stability.runs import interruptions, killed_runs, optimisers
 from validation.studies.stability.scales import materials, runs_in_units, units
 
+ASKED = "What comes of inputs far past what is sensible: the right value, a named error, or a wrong number in silence?"
+
 RTOL_CONDITION = 1e-6
 """Condition numbers of small matrices below 1e9: seven digits are left."""
 EVERY = 12
@@ -453,6 +455,12 @@ def test_all_cases(report: Report) -> None:
     table = pd.DataFrame.from_dict(rows, orient="index").rename_axis("section")
     report.table("all_cases", table, "Cases tried and their outcomes.")
     what = pd.Series([f"{case.kind}: {case.what}" for case in every if case.kind in ("named error", "limit")])
+    total = rows["all"]
+    report.found(
+        f"{total['cases']:,} cases: {total['right']:,} right, {total['named error']:,} named errors, "
+        f"{total['limit']:,} limits that are documented, {total['other']} others."
+    )
+    report.so("Nothing wrong in silence among them." if not total["other"] else "Some cases are wrong in silence.")
     counts = what.value_counts().rename_axis("outcome").rename("cases").to_frame()
     report.table("what", counts, "Which errors, which limits.")
     bits = np.finfo(np.longdouble).nmant + 1
