@@ -22,6 +22,7 @@ import pandas as pd
 import pytest
 from markdown_it import MarkdownIt
 
+from validation.__main__ import main
 from validation.harness import plugin
 from validation.harness.claims import Reading, Statement, Tally, stands
 from validation.harness.pages import replace
@@ -687,6 +688,31 @@ def test_pages_print_and_turn_dark(studied: tuple[Path, str], browse: Callable[.
         for scheme, value in (("dark", 0), ("light", 1))
     }
     assert grounds == {"dark": "rgb(20, 24, 30)", "light": "rgb(255, 255, 255)"}
+
+
+def test_what_moved_between_two_reports(
+    studied: tuple[Path, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    before, after, page = studied[0] / "reports", tmp_path / "after", tmp_path / "diff.html"
+    shutil.copytree(before, after)
+    assert main(["diff", str(before), str(after), "-o", str(page)]) == 0
+    assert "Nothing moved." in page.read_text()
+    store = after / "data" / "crossing.json"
+    stored = json.loads(store.read_text())
+    jump = stored["sections"][0]["claims"][0]
+    jump |= {"observed": 0.2, "verdict": "differs"}
+    store.write_text(json.dumps(stored))
+    (after / "figures" / "crossing_design.svg").write_text("<svg/>")
+    assert main(["diff", str(before), str(after), "-o", str(page)]) == 1
+    assert "moved: 1 claims (by 0.46 of themselves at most), 1 verdicts, 0 cells, 0 locked values, 1 figures" in (
+        capsys.readouterr().out
+    )
+    text = html.unescape(page.read_text())
+    assert re.search(r"jump, tent \| solid</td>.*>0.137<.*>0.2<.*>\+46\u00a0%<", text)
+    assert text.count("crossing_design.svg, ") == 4  # captions and alternative texts
+    with pytest.raises(SystemExit):
+        main(["diff", str(before), str(tmp_path / "nothing")])
+    assert "no report in" in capsys.readouterr().err
 
 
 CRASHING = '''

@@ -16,12 +16,15 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined, select_autoes
 from validation.harness import show
 from validation.harness.claims import KINDS, Tally, stands
 from validation.harness.contents import Contents
+from validation.harness.diff import Comparison
 from validation.harness.overview import DESIGNS, Overview
 from validation.harness.report import Drawing, Pixels, Table
 from validation.harness.store import Study, blocks_of, data_files, drawings
 from validation.harness.timed import PLACES, Place, Regression, Timed, time_of_studies, timed_drawings, timed_files
 
 _CLOCK_PAGES: dict[str, Place] = {"timings": "timed", "benchmark": "benchmark"}
+PAGE = 1_800_000
+"""Bytes of pictures that leave a page below 2 MB."""
 LONG, FOLDED = 12, 4
 """Rows from which a table is folded, and tables of claims of our own from which they are."""
 
@@ -80,6 +83,23 @@ def pages(
     contents: Contents,
 ) -> dict[str, str]:
     """Markdown and HTML of every page, text by path relative to the report in `directory`, which holds the figures."""
+    environment = _environment()
+    environment.globals |= _facts(studies, measured, contents) | {
+        "image": lambda file, folder: image(directory / folder / file),
+        "provenance": provenance,
+    }
+    files = {}
+    for suffix in ("md", "html"):
+        for page in ("index", "claims", *_CLOCK_PAGES):
+            template = environment.get_template(f"{'measured' if page in _CLOCK_PAGES else page}.{suffix}")
+            files[f"{page}.{suffix}"] = template.render(page=page, place=_CLOCK_PAGES.get(page))
+        template = environment.get_template(f"study.{suffix}")
+        files |= {f"{study.name}.{suffix}": template.render(page=study.name, study=study) for study in studies}
+    return files
+
+
+def _environment() -> Environment:
+    """The templates, and the filters that they use."""
     environment = Environment(
         loader=FileSystemLoader(Path(__file__).parent / "templates"),
         autoescape=select_autoescape(["html"]),
@@ -93,18 +113,18 @@ def pages(
         *(show.deviation, show.bounds, show.numeric, show.cell, stands),
     )
     environment.filters |= {function.__name__: function for function in shown}
-    environment.globals |= _facts(studies, measured, contents) | {
-        "image": lambda file, folder: image(directory / folder / file),
-        "provenance": provenance,
-    }
-    files = {}
-    for suffix in ("md", "html"):
-        for page in ("index", "claims", *_CLOCK_PAGES):
-            template = environment.get_template(f"{'measured' if page in _CLOCK_PAGES else page}.{suffix}")
-            files[f"{page}.{suffix}"] = template.render(page=page, place=_CLOCK_PAGES.get(page))
-        template = environment.get_template(f"study.{suffix}")
-        files |= {f"{study.name}.{suffix}": template.render(page=study.name, study=study) for study in studies}
-    return files
+    return environment
+
+
+def rendered_diff(found: Comparison) -> str:
+    """The page of what moved; figures are in it as far as a page of PAGE bytes can carry them."""
+    embedded, size = set(), 0
+    for name, *_ in found.figures:
+        paths = [folder / "figures" / name for folder in found.folders]
+        size += sum(path.stat().st_size for path in paths if path.exists()) * 4 // 3
+        if size < PAGE:
+            embedded.add(name)
+    return _environment().get_template("diff.html").render(found=found, embedded=embedded, image=image)
 
 
 def _facts(studies: Sequence[Study], measured: Measured, contents: Contents) -> dict[str, Any]:

@@ -8,20 +8,14 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("MKL_NUM_THREADS", "1")
 
 import csv
-import importlib.metadata
 import pickle
-import platform
 import re
-import shlex
-import subprocess
 import sys
 import threading
 import time
 from collections import Counter
 from collections.abc import Generator, Iterable, Iterator, Mapping
-from contextlib import suppress
 from dataclasses import dataclass, field
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Protocol, TextIO, TypeVar
 
@@ -35,6 +29,7 @@ from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from validation.contents import CONTENTS
 from validation.harness.claims import Tally
+from validation.harness.origin import provenance_of
 from validation.harness.pages import Measured, publish
 from validation.harness.report import Locked, Report
 from validation.harness.store import Ran, Study, marked, merge, read
@@ -47,7 +42,6 @@ LONGEST = ("l_bracket", "stability", "multi_resolution", "hole", "work_precision
 ROOM = "studies"
 """The folder in which every study has one of its own."""
 SHOWN_AFTER = 2.0  # [s] an iteration shorter than this needs no progress line
-PACKAGES = ("mpmtop", "numpy", "scipy", "scikit-fem", "meshio", "pandas", "matplotlib", "pytest")
 
 
 @dataclass
@@ -265,7 +259,7 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
     before = read(directory)
     studies = _studies(ran, run.crashed, before)
     reports = [test.report for test in ran]
-    provenance = _provenance(session.config, directory, time.perf_counter() - run.started)
+    provenance = provenance_of(session.config, directory, time.perf_counter() - run.started)
     timed = read_timed(directory)
     commit = re.sub(r"^([0-9a-f]{10})[0-9a-f]*", r"commit \1", provenance["commit"])
     when = f"{provenance['date'][:10]}, {commit}"
@@ -340,47 +334,6 @@ def _cpu_clock() -> float:
     """CPU seconds of this process and of those it has started and seen end."""
     times = os.times()
     return times.user + times.system + times.children_user + times.children_system
-
-
-def _provenance(config: pytest.Config, directory: Path, seconds: float) -> dict[str, str]:
-    """Where the report comes from: shown at the foot of the HTML pages only, as it differs from run to run."""
-    root = config.rootpath
-    # The report is what the run changes: only a change elsewhere makes its numbers another commit's.
-    others = [f":(exclude){directory.relative_to(root)}"] if directory.is_relative_to(root) else []
-    commit = _git(root, "rev-parse", "HEAD")
-    changes = _git(root, "status", "--porcelain", "--", ".", *others)
-    packages = []
-    for name in PACKAGES:
-        with suppress(importlib.metadata.PackageNotFoundError):
-            packages.append(f"{name} {importlib.metadata.version(name)}")
-    return {
-        "commit": (commit or "not a git checkout") + (" with uncommitted changes" if changes else ""),
-        "command": shlex.join(["pytest", *map(str, config.invocation_params.args)]),
-        "date": datetime.now(UTC).isoformat(sep=" ", timespec="seconds"),
-        "duration": f"{seconds:.1f} s",
-        "python": platform.python_version(),
-        "packages": ", ".join(packages),
-        "machine": f"{platform.system()} {platform.machine()}, {_processor()}, {os.cpu_count()} logical cores, "
-        f"BLAS threads: {os.environ['OPENBLAS_NUM_THREADS']}",
-    }
-
-
-def _git(root: Path, *arguments: str) -> str:
-    """Output of a git command, "" where git or the repository is missing."""
-    try:
-        done = subprocess.run(["git", "-C", root, *arguments], capture_output=True, text=True, check=True)
-    except (OSError, subprocess.CalledProcessError):
-        return ""
-    return done.stdout.strip()
-
-
-def _processor() -> str:
-    """Model of the processor: Linux tells it here only, other systems through `platform`."""
-    try:
-        model = re.search(r"model name\s*: (.+)", Path("/proc/cpuinfo").read_text())
-    except OSError:
-        model = None
-    return model[1] if model else platform.processor() or "processor unknown"
 
 
 def _terminal() -> TextIO | None:

@@ -311,17 +311,21 @@ def test_contrast(report: Report) -> None:
                 what = "checked" if checked else "one solve"
                 rows.append((f"{name}, {what}", 10.0**-k, C, gradient))
     table = pd.DataFrame(rows, columns=["solver", "contrast", "compliance", "gradient of the p-norm"])
-    report.table("contrast_errors", table, "Relative errors, loaded end on void, tent; empty: a named error.", 2)
+    # how rounding errors of this size come out depends on the processor
+    report.timed.table("contrast_errors", table, "Relative errors, loaded end on void, tent; empty: a named error.", 2)
     draw_contrast(report, rows)
     worst = {name: np.nanmax([row[3] for row in rows if row[0] == name]) for name in {row[0] for row in rows}}
     right = report.check(
-        "largest error of the p-norm's gradient that is not refused, loaded end on void",
-        float(max(error for name, error in worst.items() if "checked" in name)),
-        at_most=1e-4,
-        source="our bound: the tolerance of a gradient",
+        "gradients of the p-norm that are not refused are right to 1e-4, loaded end on void",
+        bool(max(error for name, error in worst.items() if "checked" in name) <= 1e-4),
+        True,
+        source="the tolerance of a gradient",
     )
     report.check(
-        "the same by multigrid without the check", float(worst["multigrid, one solve"]), source="for comparison"
+        "one solve by multigrid, unchecked, leaves them wrong by more than a hundredth",
+        bool(worst["multigrid, one solve"] > 0.01),
+        True,
+        source="why the check is there",
     )
     assert none_else and right
 
@@ -335,7 +339,7 @@ def draw_contrast(report: Report, rows: list[tuple[str, float, float, float]]) -
         ax.set(xlabel="E_min / E0", title=quantity)
     axes[0].set(ylabel="relative error")
     axes[0].legend(fontsize="x-small")
-    report.figure("contrast_errors", figure, "Errors against the contrast: loaded end on void.")
+    report.timed.figure("contrast_errors", figure, "Errors against the contrast: loaded end on void.")
 
 
 @pytest.mark.slow
@@ -397,7 +401,7 @@ def test_interruption(report: Report) -> None:
     """
     none_else = tabulate(report, "interruption", outcomes("Interruption"), "Interruption: cases and outcomes.", 60)
     hits = sum(end.killed for (_, moment), end in killed_runs().items() if moment in AFTER)
-    report.check("kills by time that came before the end, of 10", hits, source="this machine")
+    report.timed.text(f"Of {len(AFTER)} kills by time {hits} came before the end.")
     assert none_else
 
 
@@ -464,7 +468,7 @@ def test_all_cases(report: Report) -> None:
     counts = what.value_counts().rename_axis("outcome").rename("cases").to_frame()
     report.table("what", counts, "Which errors, which limits.")
     bits = np.finfo(np.longdouble).nmant + 1
-    report.check("bits of the reference's numbers; 53 is plain double", bits, source="this machine")
+    report.timed.text(f"The reference's numbers have {bits} bits; 53 is plain double.")
     enough = report.check("cases tried, no problem twice", len(every), at_least=5000, source="our aim")
     none_else = report.check("outcomes other than these three, all cases", rows["all"]["other"], 0, source="our aim")
     assert enough and none_else
