@@ -1,13 +1,41 @@
-"""`python -m validation diff A B [-o PAGE]`: what moved between the reports in two folders, as a page."""
+"""`python -m validation diff A B [-o PAGE]`: what moved between the reports in two folders, as a page.
+
+`python -m validation readme`: the findings of `reports/` into README.md.
+"""
 
 import argparse
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from validation.contents import CONTENTS
+from validation.harness.claims import Tally
 from validation.harness.diff import compare
+from validation.harness.overview import DESIGNS, Overview
 from validation.harness.pages import rendered_diff, replace
 from validation.harness.show import number
+from validation.harness.store import read
+
+ROOT = Path(__file__).parents[1]
+
+
+BEGIN, END = "<!-- findings: written by `make validate`, from the report -->\n", "<!-- end of findings -->"
+
+
+def with_findings(readme: str, directory: Path) -> str:
+    """The README with the front page's figure and sentences between its two marks, from the stores in a report."""
+    studies = read(directory)
+    overview = Overview([studies[name] for name in CONTENTS.ordered(studies)], CONTENTS)
+    lines = [f"![Designs side by side, own and true objective over each]({directory.name}/{DESIGNS})"]
+    headline = Tally.of([reading for study in overview.studies for reading in study.readings]).headline()
+    for topic, sentences in overview.answers.items():
+        told = [sentence for sentence, _ in sentences] + [headline] * (topic == "The paper" and bool(headline))
+        lines += [f"- **{topic}.** {' '.join(told)}"] * bool(told)
+    text = f"{lines[0]}\n\n" * bool(overview.bodies) + "".join(f"{line}\n" for line in lines[1:])
+    before, _, rest = readme.partition(BEGIN)
+    if not rest:
+        raise ValueError(f"README.md has no line {BEGIN.strip()}: put it where the findings belong")
+    return before + BEGIN + text + END + rest.partition(END)[2]
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -18,7 +46,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     diff.add_argument("before", type=Path)
     diff.add_argument("after", type=Path)
     diff.add_argument("-o", "--output", type=Path, default=Path("diff.html"), help="the page (default: diff.html)")
+    commands.add_parser("readme", help="write the findings of reports/ into README.md")
     given = parser.parse_args(arguments)
+    if given.command == "readme":
+        readme = ROOT / "README.md"
+        replace(readme, with_findings(readme.read_text("utf-8"), ROOT / "reports"))
+        return 0
     try:
         found = compare(given.before, given.after)
     except ValueError as error:

@@ -22,7 +22,7 @@ import pandas as pd
 import pytest
 from markdown_it import MarkdownIt
 
-from validation.__main__ import main
+from validation.__main__ import BEGIN, END, main, with_findings
 from validation.harness import plugin
 from validation.harness.claims import Reading, Statement, Tally, stands
 from validation.harness.pages import replace
@@ -688,6 +688,22 @@ def test_pages_print_and_turn_dark(studied: tuple[Path, str], browse: Callable[.
         for scheme, value in (("dark", 0), ("light", 1))
     }
     assert grounds == {"dark": "rgb(20, 24, 30)", "light": "rgb(255, 255, 255)"}
+
+
+def test_the_readme_says_what_the_report_found() -> None:
+    """Its numbers are those of the committed stores: `make validate` writes both."""
+    readme = (ROOT / "README.md").read_text("utf-8")
+    assert with_findings(readme, ROOT / "reports") == readme
+
+
+def test_findings_come_from_the_stores(studied: tuple[Path, str]) -> None:
+    text = with_findings(f"before\n{BEGIN}old\n{END}\nafter\n", studied[0] / "reports")
+    assert text.startswith(f"before\n{BEGIN}![Designs")
+    assert text.endswith(f"{END}\nafter\n")
+    assert "- **With crossing.** With tent the tip jumps by 13.7%. With GIMP the tip jumps by 2.0%.\n" in text
+    assert "old" not in text
+    with pytest.raises(ValueError, match="put it where the findings belong"):
+        with_findings("no marks", studied[0] / "reports")
 
 
 def test_what_moved_between_two_reports(

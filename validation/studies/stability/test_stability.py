@@ -400,8 +400,9 @@ def test_interruption(report: Report) -> None:
     That SIGKILL is what ended a run is looked up in its status; a kill by time may come too late.
     """
     none_else = tabulate(report, "interruption", outcomes("Interruption"), "Interruption: cases and outcomes.", 60)
-    hits = sum(end.killed for (_, moment), end in killed_runs().items() if moment in AFTER)
-    report.timed.text(f"Of {len(AFTER)} kills by time {hits} came before the end.")
+    killed = [end.killed for (_, moment), end in killed_runs().items() if moment in AFTER]
+    hits = sum(killed)
+    report.timed.text(f"Of {len(killed)} kills by time {hits} came before the end.")
     assert none_else
 
 
