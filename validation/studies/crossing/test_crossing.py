@@ -28,6 +28,7 @@ from validation.bodies.solid_cantilever import reference_stress, tensor_norm
 from validation.harness.plugin import Lock
 from validation.harness.report import Report
 from validation.measures.conditioning import Condition, condition, shown
+from validation.measures.sketch import CALIBRATED, CHOSEN, opening
 from validation.methods.analyser import SHAPE_FUNCTIONS
 
 ASKED = "What does crossing do to one analysis, before any optimisation?"
@@ -94,6 +95,12 @@ def test_one_column(report: Report, lock: Lock, uniform: MaterialPoints) -> None
     nothing. With the tent one cell now misses half of its stiffness and the next has half as much too much, at once;
     the strain in the weakened cell nearly doubles. GIMP's and the B-splines' functions do not notice the boundary.
     """
+    opening(
+        report,
+        cantilever(),
+        {"load": CHOSEN, "filter radius": CALIBRATED, "E_min / E0": CHOSEN, "rho_min": CHOSEN},
+        points=uniform,
+    )
     rows: dict[str, dict[str, float]] = {}
     for name, function in SHAPE_FUNCTIONS.items():
         rows[name] = {}

@@ -36,6 +36,7 @@ from validation.harness.plugin import Lock, ShowProgress
 from validation.harness.report import Report
 from validation.measures.conditioning import Condition, condition, shown
 from validation.measures.drawing import draw_design
+from validation.measures.sketch import CHOSEN, opening
 from validation.measures.timing import cpu_seconds, iteration
 from validation.methods.analyser import Analyser, Design, Optimisation, finite_elements, material_points, no_stress
 
@@ -114,6 +115,8 @@ def test_cases(
     the common reference, which has stairs for all and takes the density of the nearest element at each point, its
     design is among the others.
     """
+    choices = {"load": CHOSEN, "filter radius": CHOSEN, "E_min / E0": CHOSEN, "rho_min": CHOSEN}
+    opening(report, perforated(absent=True), choices)
     points = analysers[CASE_1]
     designs = {name: on_points(run.design, points) for name, run in runs.items()}
     rows: dict[str, dict[str, Any]] = {}

@@ -30,6 +30,7 @@ from validation.bodies.scenes import CORNER, SPACING, l_bracket
 from validation.harness.plugin import Lock, ShowProgress
 from validation.harness.report import Report
 from validation.measures.drawing import draw_design, draw_points
+from validation.measures.sketch import CHOSEN, opening
 from validation.measures.timing import cpu_seconds, evaluation_with_gradient
 from validation.methods.analyser import JOBS, METHODS, MOVE, PAPER_RULE, ROUNDING_RISE, Analyser, Design, Optimisation
 
@@ -104,6 +105,7 @@ def test_initial_stress(report: Report, lock: Lock, analysers: dict[str, Analyse
     No domain leaves its cell, so standard MPM and GIMP are one, as on the cantilever. The corner is singular: its peak
     grows with resolution, and the finite elements, a displacement field twice as fine, see more of it.
     """
+    opening(report, l_bracket(), {"filter radius": CHOSEN, "E_min / E0": CHOSEN, "rho_min": CHOSEN})
     standard, gimp = analysers["standard"], analysers["GIMP"]
     holds = [
         report.check(

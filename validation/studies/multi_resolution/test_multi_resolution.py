@@ -31,6 +31,7 @@ from validation.bodies.scenes import H, changed, distributed_load
 from validation.harness.plugin import Lock, ShowProgress
 from validation.harness.report import Report
 from validation.measures.drawing import draw_design, draw_points
+from validation.measures.sketch import CHOSEN, opening
 from validation.measures.timing import cpu_seconds, iteration
 from validation.methods.analyser import Analyser, Design, Optimisation, material_points, no_stress
 
@@ -143,6 +144,8 @@ def test_resolutions(
     is narrower than its radius says. Its **effective radius**, that of a continuous cone with the same second moment,
     is in the table; a wider filter leaves more grey, at the cost of compliance. The rest is unexplained.
     """
+    choices = {"filter radius": CHOSEN, "E_min / E0": CHOSEN, "rho_min": CHOSEN}
+    opening(report, distributed_load(), choices, points=grids["multi, quadtree"])
     counts = {
         "low": paper.LOW_RESOLUTION_POINTS,
         "high": paper.HIGH_RESOLUTION_POINTS,

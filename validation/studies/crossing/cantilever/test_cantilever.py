@@ -27,6 +27,7 @@ from validation.bodies.scenes import SPACING, H, cantilever
 from validation.harness.plugin import Lock, ShowProgress
 from validation.harness.report import Report
 from validation.measures.drawing import draw_design, draw_points
+from validation.measures.sketch import CALIBRATED, CHOSEN, opening
 from validation.methods.analyser import METHODS, SHAPE_FUNCTIONS, Analyser, Optimisation, material_points
 from validation.paper import Compared, compare
 
@@ -144,6 +145,11 @@ def test_calibration(
         f"make. In the paper standard's optimum rises by {stated['optimum, standard'] / target:.2f} of its tip "
         f"displacement; here by {min(ratios):.2f} to {max(ratios):.2f}."
     )
+    body = cantilever()
+    moved = calibrations[REPRODUCTION].crossing(seed(body.domain, (SPACING, SPACING)), body.domain)
+    choices = {"load": CHOSEN, "filter radius": CALIBRATED, "E_min / E0": CHOSEN, "rho_min": CHOSEN}
+    note = f"Points as crossed by {calibrations[REPRODUCTION].crossing}: one column in every so many cells."
+    opening(report, body, choices, points=moved, note=note)
     wave = calibrations["wave(n, 0.26)"]
     report.check(
         f"tip displacement of the solid, GIMP, {wave.crossing}: predicted",

@@ -26,6 +26,7 @@ from validation.bodies.scenes import CORNER, SPACING, l_bracket
 from validation.harness.plugin import Lock, ShowProgress
 from validation.harness.report import Report
 from validation.measures.drawing import draw_design, draw_points
+from validation.measures.sketch import CHOSEN, opening
 from validation.methods.analyser import (
     JOBS,
     METHODS,
@@ -98,7 +99,12 @@ def test_path(report: Report, lock: Lock, analysers: dict[str, Analyser]) -> Non
     corner, over the whole width, and the points on the diagonal from the corner to the outer one. Points are plotted at
     their place in the body. Stress is that of the solid; the finite elements have one element for each point.
     """
-    x = seed(l_bracket().body.domain, (SPACING, SPACING)).x
+    scene = l_bracket()
+    lattice = seed(scene.body.domain, (SPACING, SPACING))
+    x = lattice.x
+    choices = {"filter radius": CHOSEN, "E_min / E0": CHOSEN, "rho_min": CHOSEN}
+    moved = CROSSING(lattice, scene.body.domain)
+    opening(report, scene, choices, points=moved, note=f"Points as crossed by {CROSSING}.")
     fields = {name: solid_von_mises(a) for name, a in analysers.items()}
     diagonal = np.flatnonzero(np.isclose(x[:, 0], x[:, 1]) & (x[:, 0] < CORNER[0]))
     horizontal = np.flatnonzero(np.isclose(x[:, 1], CORNER[1] - SPACING / 2))
