@@ -7,6 +7,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from matplotlib.collections import LineCollection
+from scipy.spatial import KDTree
 
 from mpmtop.points import MaterialPoints, seed
 from mpmtop.scene import PNormStress, PointLoad, Scene
@@ -74,7 +75,7 @@ def draw(scene: Scene, points: MaterialPoints) -> plt.Figure:
     nodes = np.stack(np.meshgrid(*(np.arange(a, b + 1) * H for a, b in zip(first, last, strict=True))), -1).reshape(
         -1, 2
     )
-    inside = scene.domain.contains(nodes, 1e-9)
+    inside = KDTree(points.x).query(nodes)[0] < 0.75 * H  # corners of the body's cells
     for support in scene.supports:
         held = nodes[support.region.contains(nodes, 1e-9) & inside]
         ax.scatter(held[:, 0], held[:, 1], marker="s", s=9, color="#d55e00", linewidths=0, label="held", zorder=3)
@@ -96,10 +97,8 @@ def draw(scene: Scene, points: MaterialPoints) -> plt.Figure:
     margin = 0.04 * float(np.max(upper - lower))
     low, high = np.minimum(ax.dataLim.min, lower), np.maximum(ax.dataLim.max, upper)
     ax.set(xlim=(low[0] - margin, high[0] + margin), ylim=(low[1] - margin, high[1] + margin))
-    for region, hatch in ((scene.passive_void, "xxx"), (scene.passive_solid, "...")):
+    for region, marker in ((scene.passive_void, "x"), (scene.passive_solid, "o")):
         if region is not None:
             part = points.x[region.contains(points.x)]
-            ax.scatter(
-                *part.T, s=4, marker="x" if hatch == "xxx" else "o", color="0.4", linewidths=0.4, rasterized=True
-            )
+            ax.scatter(part[:, 0], part[:, 1], s=4, marker=marker, color="0.4", linewidths=0.4, rasterized=True)
     return figure
