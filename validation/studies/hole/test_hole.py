@@ -175,7 +175,11 @@ def test_cases(
         f"{longer[CASE_2_FILTERED]:.1f} times the iterations. In truth the best design is that of {best}, "
         f"{judged[best]:.1f} against {judged[CASE_1]:.1f} of case 1."
     )
-    report.so("Void in the analysis is harmless; it is the filter that must pass over it." if same else "")
+    report.so(
+        "Void in the analysis is harmless; it is the filter that must pass over it."
+        if same
+        else "Void in the analysis changes the design."
+    )
     draw(report, runs, points)
     lock(
         {f"{name}: {key}": rows[name][key] for name in rows for key in ("compliance", "compliance, fine reference")},

@@ -383,7 +383,7 @@ def test_exact_derivative(report: Report, verified: dict[Key, Verified]) -> None
     )
     worst = {of: max(error(v) for v in verified.values()) for of, error in ERRORS.items()}
     report.found(
-        "All gradients are exact: the largest difference to the complex step is below "
+        "All gradients are exact: the largest difference to the complex step is "
         f"{bound_met(max(worst.values()))}, "
         "with crossing and without."
         if max(worst.values()) <= AGREEMENT
