@@ -1,0 +1,28 @@
+"""Committed files of the report are the same on every processor: short studies, run with the kernels of two."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.harness.test_report import ROOT, committed
+
+STUDIES = ("removal", "errata", "verification")
+KERNELS = ("Haswell", "Nehalem")
+"""Processors whose kernels OpenBLAS sums with: with fused multiply and add in vectors of four, and without in two."""
+
+
+@pytest.mark.slow
+def test_another_processor_writes_the_same_files(tmp_path: Path) -> None:
+    for kernel in KERNELS:
+        environment = os.environ | {"OPENBLAS_CORETYPE": kernel, "OPENBLAS_NUM_THREADS": "1"}
+        studies = [f"validation/studies/{study}" for study in STUDIES]
+        options = ["-q", "-n", "0", "-p", "no:cacheprovider", "--reports", str(tmp_path / kernel)]
+        command = [sys.executable, "-m", "pytest", *studies, *options]
+        subprocess.run(command, cwd=ROOT, env=environment, check=True, capture_output=True)
+    first, second = (committed(tmp_path / kernel) for kernel in KERNELS)
+    assert first.keys() == second.keys()
+    assert len(first) > 2 * len(STUDIES)
+    assert not [file for file in first if first[file] != second[file]]
