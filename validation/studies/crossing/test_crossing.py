@@ -219,8 +219,10 @@ def draw_shift(report: Report, steps: dict[tuple[str, str, float], Step]) -> Non
     }
     for row, (label, quantity) in zip(axes, quantities.items(), strict=True):
         for ax, direction in zip(row, DIRECTIONS, strict=True):
-            for name in SHAPE_FUNCTIONS:
-                ax.plot(SHIFTS, [quantity(name, direction, s) for s in SHIFTS], label=name)
+            # no lines: between the shifts of an event curves turn by orders of magnitude
+            for name, marker in zip(SHAPE_FUNCTIONS, "osv^", strict=True):
+                values = [quantity(name, direction, s) for s in SHIFTS]
+                ax.plot(SHIFTS, values, marker=marker, markersize=4, fillstyle="none", linestyle="none", label=name)
             if "condition" in label:
                 ax.set_yscale("log")
         row[0].set(ylabel=label)
@@ -229,7 +231,7 @@ def draw_shift(report: Report, steps: dict[tuple[str, str, float], Step]) -> Non
     for ax in axes[-1]:
         ax.set(xlabel="shift / h")
     figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=4)
-    report.figure("shift", figure, "Tip displacement, stress error and condition number against the body's shift.")
+    report.figure("shift", figure, "Tip displacement, stress error and condition number at the shifts analysed.")
 
 
 def tabulate_shift(report: Report, steps: dict[tuple[str, str, float], Step]) -> None:

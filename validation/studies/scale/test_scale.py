@@ -15,6 +15,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 import pytest
+from matplotlib.ticker import NullFormatter
 
 from mpmtop.arrays import Array
 from mpmtop.solvers import MULTIGRID_FROM, BandedCholesky, MultigridCG
@@ -89,11 +90,13 @@ def recorded(report: Report, runs: Runs, fit_from: int) -> dict[str, dict[str, f
             }
         ).dropna(axis="columns")
         report.timed.table(f"sizes_{objective.replace('-', '_')}", table, f"One iteration, {objective}.", 3)
-        for (phase, spent), marker in zip(seconds.items(), ".sv^DxP", strict=True):
-            ax.loglog(points, spent, marker=marker, markersize=4, label=phase)
+        colors = [*plt.rcParams["axes.prop_cycle"].by_key()["color"], "#8c564b"]  # one more than the cycle has
+        for (phase, spent), marker, color in zip(seconds.items(), ".sv^DxP", colors, strict=True):
+            ax.loglog(points, spent, marker=marker, markersize=4, color=color, label=phase)
         ax.loglog(points, total, color="0.2", linewidth=2, marker="o", label="iteration")
         ax.loglog(points, 2 * total[-1] * points / points[-1], color="0.6", linestyle=":", label="linear")
         ax.set(title=objective, xlabel="material points", ylabel="CPU seconds" if ax is axes[0] else "")
+        ax.xaxis.set_minor_formatter(NullFormatter())  # over less than a decade its labels would run into each other
     axes[-1].legend(loc="center left", bbox_to_anchor=(1.02, 0.5))
     report.timed.figure("phases", figure, "Phases of an iteration by number of points.")
     return fitted
