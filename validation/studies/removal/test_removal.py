@@ -82,7 +82,8 @@ def test_cases(report: Report, lock: Lock, layout: str) -> None:
         raise ValueError("the removed point was the only one at a node: nothing to compare there")
     moving = absent > 0
     table = pd.DataFrame({"case 1": absent, "case 2": zero, "case 3": divided}, index=nodes).rename_axis("node")[moving]
-    table["case 2 over 1 [%]"] = 100 * (table["case 2"] / table["case 1"] - 1)
+    # 1e-6 % is above what rounding makes, which differs from processor to processor
+    table["case 2 over 1 [%]"] = (100 * (table["case 2"] / table["case 1"] - 1)).round(6) + 0.0
     table["case 3 over 1 [%]"] = 100 * (table["case 3"] / table["case 1"] - 1)
     name = layout.replace(" ", "_")
     report.table(f"nodes_{name}", table, f"{layout.capitalize()}: displacement magnitudes [F/E0], E_min = 1e-9 E0.", 6)
@@ -108,12 +109,11 @@ def test_cases(report: Report, lock: Lock, layout: str) -> None:
         source=paper.REMOVAL_EVEN,
         why="our reading, a strict one: by less than a factor of two",
         reason="dividing the points changes where the stiffness of one cell is sampled, and nodes beyond it feel that "
-        f"more: from {error.min():.2g} to {error.max():.2g} %, all below the paper's 1.0 %",
+        f"more: from {error.min():.2g} to {error.max():.2g} %",
     )
     report.found(
-        f"{layout.capitalize()}: absent and void differ by at most {table['case 2 over 1 [%]'].abs().max():.0e} %, "
-        "divided "
-        f"points by {error.min():.2g} to {error.max():.2g} %."
+        f"{layout.capitalize()}: absent and void differ by {max(1e-6, table['case 2 over 1 [%]'].abs().max()):.0e} % at "
+        f"most, divided points by {error.min():.2g} to {error.max():.2g} %."
     )
     figure, ax = plt.subplots()
     place = np.arange(len(table))
