@@ -9,8 +9,9 @@ import pandas as pd
 from matplotlib.collections import LineCollection
 from scipy.spatial import KDTree
 
+from mpmtop.loads import PointLoad
 from mpmtop.points import MaterialPoints, seed
-from mpmtop.scene import PNormStress, PointLoad, Scene
+from mpmtop.scene import PNormStress, Scene
 from validation.bodies.scenes import SPACING, H
 from validation.harness.report import Report
 from validation.measures.drawing import draw_points
@@ -24,7 +25,7 @@ def opening(
 ) -> None:
     """Record sketch and parameters of a scene; `sources` says of parameters where they come from, the others are the
     paper's. `points` are those drawn and counted, 2 x 2 per cell if not given."""
-    grid = points or seed(scene.domain, (SPACING, SPACING))
+    grid = points or seed(scene.body.domain, (SPACING, SPACING))
     report.opening.figure("scene", draw(scene, grid), f"The scene on its grid, one dot for each material point. {note}")
     rows = parameters(scene, grid)
     if unknown := set(sources) - set(rows):
@@ -37,8 +38,8 @@ def opening(
 
 def parameters(scene: Scene, points: MaterialPoints) -> dict[str, Any]:
     """What defines a scene, by name."""
-    lower, upper = scene.domain.bounds
-    material, objective = scene.material, scene.objective
+    lower, upper = scene.body.domain.bounds
+    material, objective = scene.body.material, scene.objective
     what = f"p-norm of stress, p = {objective.p:g}, q = {objective.q:g}" if isinstance(objective, PNormStress) else ""
     return {
         "size": " x ".join(f"{side:g} h" for side in upper - lower),
@@ -49,14 +50,14 @@ def parameters(scene: Scene, points: MaterialPoints) -> dict[str, Any]:
             "points"
             if isinstance(load, PointLoad)
             else f"({load.force[0]:g}, {load.force[1]:g}) F over the edge"
-            for load in scene.loads
+            for load in scene.body.loads
         ),
         "objective": what or "compliance",
-        "volume fraction": scene.volume_fraction,
-        "filter radius": f"{scene.filter_radius:g} h",
-        "penalty": scene.penal,
-        "E_min / E0": scene.contrast,
-        "rho_min": scene.rho_min,
+        "volume fraction": scene.design.volume_fraction,
+        "filter radius": f"{scene.design.filter_radius:g} h",
+        "penalty": scene.design.penal,
+        "E_min / E0": scene.design.contrast,
+        "rho_min": scene.design.rho_min,
         "Poisson's ratio": f"{material.poisson:g}, plane {material.plane}",
     }
 
@@ -65,7 +66,7 @@ def draw(scene: Scene, points: MaterialPoints) -> plt.Figure:
     """Body, background grid, points, what is held (along its edge) and loads."""
     figure, ax = plt.subplots(figsize=(4.6, 3.2))
     draw_points(ax, points.x, points.half_length, np.full(len(points.x), 0.12), cmap="gray_r", vmin=0, vmax=1)
-    lower, upper = scene.domain.bounds
+    lower, upper = scene.body.domain.bounds
     first, last = np.floor(lower / H).astype(int), np.ceil(upper / H).astype(int)
     lines = [[(x * H, first[1] * H), (x * H, last[1] * H)] for x in range(first[0], last[0] + 1)]
     lines += [[(first[0] * H, y * H), (last[0] * H, y * H)] for y in range(first[1], last[1] + 1)]
@@ -76,11 +77,11 @@ def draw(scene: Scene, points: MaterialPoints) -> plt.Figure:
         -1, 2
     )
     inside = KDTree(points.x).query(nodes)[0] < 0.75 * H  # corners of the body's cells
-    for support in scene.supports:
+    for support in scene.body.supports:
         held = nodes[support.region.contains(nodes, 1e-9) & inside]
         ax.scatter(held[:, 0], held[:, 1], marker="s", s=9, color="#d55e00", linewidths=0, label="held", zorder=3)
     reach = 0.16 * float(np.max(upper - lower))
-    for load in scene.loads:
+    for load in scene.body.loads:
         if isinstance(load, PointLoad):
             places = np.array([load.position])
         else:
@@ -97,7 +98,7 @@ def draw(scene: Scene, points: MaterialPoints) -> plt.Figure:
     margin = 0.04 * float(np.max(upper - lower))
     low, high = np.minimum(ax.dataLim.min, lower), np.maximum(ax.dataLim.max, upper)
     ax.set(xlim=(low[0] - margin, high[0] + margin), ylim=(low[1] - margin, high[1] + margin))
-    for region, marker in ((scene.passive_void, "x"), (scene.passive_solid, "o")):
+    for region, marker in ((scene.design.passive_void, "x"), (scene.design.passive_solid, "o")):
         if region is not None:
             part = points.x[region.contains(points.x)]
             ax.scatter(part[:, 0], part[:, 1], s=4, marker=marker, color="0.4", linewidths=0.4, rasterized=True)

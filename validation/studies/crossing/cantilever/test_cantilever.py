@@ -145,11 +145,12 @@ def test_calibration(
         f"make. In the paper standard's optimum rises by {stated['optimum, standard'] / target:.2f} of its tip "
         f"displacement; here by {min(ratios):.2f} to {max(ratios):.2f}."
     )
-    body = cantilever()
-    moved = calibrations[REPRODUCTION].crossing(seed(body.domain, (SPACING, SPACING)), body.domain)
+    scene = cantilever()
+    domain = scene.body.domain
+    moved = calibrations[REPRODUCTION].crossing(seed(domain, (SPACING, SPACING)), domain)
     choices = {"load": CHOSEN, "filter radius": CALIBRATED, "E_min / E0": CHOSEN, "rho_min": CHOSEN}
     note = f"Points as crossed by {calibrations[REPRODUCTION].crossing}: one column in every so many cells."
-    opening(report, body, choices, points=moved, note=note)
+    opening(report, scene, choices, points=moved, note=note)
     wave = calibrations["wave(n, 0.26)"]
     report.check(
         f"tip displacement of the solid, GIMP, {wave.crossing}: predicted",
