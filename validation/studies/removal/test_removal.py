@@ -113,7 +113,8 @@ def test_cases(report: Report, lock: Lock, layout: str) -> None:
     )
     zero_off = max(1e-6, table["case 2 over 1 [%]"].abs().max())
     report.found(
-        f"{layout.capitalize()}: absent and void differ by {zero_off:.0e} % at most, divided points by {error.min():.2g} to {error.max():.2g} %."
+        f"{layout.capitalize()}: absent and void differ by {zero_off:.0e} % at most, divided points by "
+        f"{error.min():.2g} to {error.max():.2g} %."
     )
     figure, ax = plt.subplots()
     place = np.arange(len(table))
