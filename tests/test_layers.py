@@ -20,7 +20,8 @@ ORDER = [
         f"large_deformation.{name}"
         for name in ("law", "kinematics", "background", "assembly", "model", "step", "steps")
     ),
-    *("large_deformation.adjoint", "large_deformation.objectives", "large_deformation"),
+    *(f"large_deformation.{name}" for name in ("adjoint", "objectives", "problem")),
+    "large_deformation",
 ]
 LIBRARIES = {"mpmtop": {"numpy", "scipy"}, "reference_fem": {"numpy", "scipy", "skfem", "mpmtop"}}
 STATEMENT = {f"mpmtop.{name}" for name in ("arrays", "errors", "region", "loads", "body", "design", "scene")}

@@ -51,6 +51,7 @@ class Model:
     law: Law
     young: float
     steps: int
+    alpha: float
     force: Array
     unknown: Index
     sign: Array
@@ -106,7 +107,7 @@ def discretise(
     young = float(body.material.young)
     soft = background(grid, unknown, sign, alpha * young) if alpha > 0 else None
     law = Hencky(body.material.poisson) if law is None else law
-    return Model(grid, points, shape_function, frame, domains, law, young, steps, force, unknown, sign, soft)
+    return Model(grid, points, shape_function, frame, domains, law, young, steps, alpha, force, unknown, sign, soft)
 
 
 def _refuse(

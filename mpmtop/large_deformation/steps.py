@@ -1,5 +1,6 @@
 """Load steps forward: the trajectory of a body under growing load."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -44,6 +45,26 @@ class Trajectory:
         return self.states[step].x - self.states[0].x
 
 
+def load_steps(
+    model: Model, moduli: Array, *, tol: float = TOLERANCE, polish: int = 0
+) -> Iterator[tuple[State, Increment]]:
+    """The load steps one by one: the state at the end of each and the increment to it. See `trajectory`."""
+    if np.shape(moduli) != (len(model.points.x),):
+        raise ValueError(f"moduli of shape {np.shape(moduli)} for {len(model.points.x)} points: give one for each")
+    if not np.all(np.isfinite(moduli)) or np.min(np.real(moduli)) < 0 or not np.any(moduli):
+        raise ValueError("point moduli must be finite, not negative and not all zero: check the densities")
+    _check_carriers(model, moduli)
+    state = start(model, moduli.dtype.type)
+    for n, level in enumerate(model.levels):
+        before = model.levels[n - 1] if n > 0 else 0.0
+        try:
+            found, ops = increment(model, state, moduli, (before, level), tol=tol, polish=polish)
+        except (NotConverged, UnsupportedBody, PointOutsideGrid) as error:
+            raise type(error)(f"load step {n + 1} of {model.steps}: {error}") from error
+        state = moved(model, state, ops.at_points(found.u), found.F)
+        yield state, found
+
+
 def trajectory(model: Model, moduli: Array, *, tol: float = TOLERANCE, polish: int = 0) -> Trajectory:
     """All load steps with the points' Young's moduli (p,).
 
@@ -51,21 +72,8 @@ def trajectory(model: Model, moduli: Array, *, tol: float = TOLERANCE, polish: i
     Raises NotConverged, UnsupportedBody and PointOutsideGrid with step and place, and LoadOutsideBody where void
     carries the load.
     """
-    if np.shape(moduli) != (len(model.points.x),):
-        raise ValueError(f"moduli of shape {np.shape(moduli)} for {len(model.points.x)} points: give one for each")
-    if not np.all(np.isfinite(moduli)) or np.min(np.real(moduli)) < 0 or not np.any(moduli):
-        raise ValueError("point moduli must be finite, not negative and not all zero: check the densities")
-    _check_carriers(model, moduli)
-    states, increments = [start(model, moduli.dtype.type)], []
-    for n, level in enumerate(model.levels):
-        before = model.levels[n - 1] if n > 0 else 0.0
-        try:
-            found, ops = increment(model, states[-1], moduli, (before, level), tol=tol, polish=polish)
-        except (NotConverged, UnsupportedBody, PointOutsideGrid) as error:
-            raise type(error)(f"load step {n + 1} of {model.steps}: {error}") from error
-        increments.append(found)
-        states.append(moved(model, states[-1], ops.at_points(found.u), found.F))
-    return Trajectory(moduli, tuple(states), tuple(increments))
+    states, increments = zip(*load_steps(model, moduli, tol=tol, polish=polish), strict=True)
+    return Trajectory(moduli, (start(model, moduli.dtype.type), *states), increments)
 
 
 def _check_carriers(model: Model, moduli: Array) -> None:

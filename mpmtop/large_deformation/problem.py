@@ -1,0 +1,115 @@
+"""The design problem of load steps: design -> filter -> SIMP -> trajectory -> objective, for `mpmtop.optimize`."""
+
+import hashlib
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from mpmtop.design import DensityFilter, DesignSpace, density_filter, design_space, passive_filter
+from mpmtop.large_deformation.model import Model
+from mpmtop.large_deformation.objectives import EndCompliance, PathObjective, gradient
+from mpmtop.large_deformation.steps import Trajectory, trajectory
+from mpmtop.material import simp
+from mpmtop.scene import Array, InvalidScene, LoadOutsideBody, Scene, physical_densities
+
+
+@dataclass(frozen=True, eq=False)
+class Evaluation:
+    """Objective and constraints g <= 0 (1,) of one design, with its physical densities (p,) and its trajectory."""
+
+    objective: float
+    constraints: Array
+    rho: Array
+    path: Trajectory
+
+
+@dataclass(frozen=True, eq=False)
+class LoadStepProblem:
+    """Minimise `objective` subject to sum V_p rho_p <= V* sum V_p over one variable of the `design` for each point.
+
+    Filter and passive regions are those of the undeformed body; the filter passes over passive points as if they were
+    absent. The number of load steps is the model's in every evaluation: where Newton's method needs the load in parts,
+    the weights stay, and with them the problem. Raises InvalidScene, EmptyDomain or LoadOutsideBody where passive
+    regions leave no design, no feasible one, or a load without material.
+    """
+
+    model: Model
+    design: Scene
+    objective: PathObjective = field(default_factory=EndCompliance)
+
+    def __post_init__(self) -> None:
+        least = self._volume_weight @ self.filter(self.lower)
+        if least > 1 + 1e-12:  # its rounding
+            raise InvalidScene(
+                f"passive solid, with rho_min elsewhere, is {least:.4f} of what volume_fraction "
+                f"{self.design.volume_fraction} allows: raise it, or shrink passive_solid"
+            )
+        if np.any(self.model.force[self.space.void]):
+            raise LoadOutsideBody("passive void would carry a part of a load: move the load, or shrink passive_void")
+
+    @cached_property
+    def space(self) -> DesignSpace:
+        """Which points are passive, and which are design variables."""
+        return design_space(self.design, self.model.points)
+
+    @cached_property
+    def filter(self) -> DensityFilter:
+        """The density filter of the design's radius, from a variables to p densities."""
+        if self.space.all_active:
+            return density_filter(self.model.points, self.design.filter_radius)
+        return passive_filter(self.model.points, self.design.filter_radius, self.space, over_passive=False)
+
+    @cached_property
+    def x0(self) -> Array:
+        """The volume fraction everywhere, (a,); beside passive points, what meets the constraint."""
+        a = len(self.space.active)
+        passive, full = (self._volume_weight @ self.filter(x) for x in (np.zeros(a), np.ones(a)))
+        return np.full(a, np.clip((1 - passive) / (full - passive), self.design.rho_min, 1))
+
+    @cached_property
+    def lower(self) -> Array:
+        """rho_min everywhere, (a,)."""
+        return np.full(len(self.space.active), self.design.rho_min)
+
+    @cached_property
+    def upper(self) -> Array:
+        """One everywhere, (a,)."""
+        return np.ones_like(self.lower)
+
+    @cached_property
+    def _volume_weight(self) -> Array:
+        volume = self.model.points.volume
+        return volume / (self.design.volume_fraction * volume[~self.space.void].sum())
+
+    @property
+    def fingerprint(self) -> str:
+        """Hash of all numbers that an iterate depends on: a checkpoint fits a problem of the same ones only."""
+        model, design = self.model, self.design
+        how = (model.shape_function.__name__, model.frame, model.domains, model.law, model.steps, model.grid)
+        law = (model.young, model.alpha, design.penal, design.contrast, design.volume_fraction, design.rho_min)
+        digest = hashlib.sha256(repr((self.objective, how, *map(float, law))).encode())
+        points = model.points
+        arrays = (points.x, points.volume, points.half_length, model.force, model.unknown, model.sign)
+        # what the filter makes of a vector of random numbers tells it, matrix or not; and its passive points
+        probe = self.filter(np.random.default_rng(0).random(len(self.lower)))
+        for array in (*arrays, probe, self.space.solid, self.space.void):
+            digest.update(np.ascontiguousarray(array).tobytes())
+        return digest.hexdigest()
+
+    def analyse(self, rho: Array) -> Evaluation:
+        """Evaluate physical densities rho (p,) in [0, 1], of whatever origin: one trajectory."""
+        rho = physical_densities(rho, len(self.model.points.volume), "point")
+        path = trajectory(self.model, self.model.young * simp(rho, self.design.penal, self.design.contrast)[0])
+        constraints = np.array([self._volume_weight @ rho - 1])
+        return Evaluation(self.objective.value(self.model, path, rho), constraints, rho, path)
+
+    def evaluate(self, design: Array) -> Evaluation:
+        """Value only, of a design (a,): one trajectory."""
+        return self.analyse(self.filter(design))
+
+    def gradient(self, evaluation: Evaluation) -> tuple[Array, Array]:
+        """dJ/ddesign (a,) and dg/ddesign (1, a) of an evaluation: one sweep back through its steps."""
+        by_rho, by_moduli = gradient(self.objective, self.model, evaluation.path, evaluation.rho)
+        d_simp = self.model.young * simp(evaluation.rho, self.design.penal, self.design.contrast)[1]
+        return self.filter.adjoint(by_rho + by_moduli * d_simp), self.filter.adjoint(self._volume_weight)[None]
