@@ -1,0 +1,142 @@
+"""Total Lagrangian finite elements: against points at Gauss points, the elastica, and difference quotients."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+from scipy.special import ellipeinc, ellipkinc
+
+from mpmtop.grid import Grid
+from mpmtop.large_deformation.law import Hencky, Law, NeoHookean
+from mpmtop.large_deformation.model import discretise as discretise_points
+from mpmtop.large_deformation.objectives import EndCompliance, PathCompliance, gradient
+from mpmtop.large_deformation.steps import trajectory
+from mpmtop.points import seed, to_gauss_points
+from mpmtop.scene import InvalidScene, Material, NotConverged, PointLoad, Rectangle, Scene, Support
+from mpmtop.shape_functions import tent
+from reference_fem.boundary import nodal_forces
+from reference_fem.elasticity import discretise
+from reference_fem.large_deformation import (
+    LargeModel,
+    LogarithmicLaw,
+    NeoHookeanLaw,
+    PrincipalLaw,
+    compliance_gradient,
+    large_model,
+    load_steps,
+    with_load,
+)
+from tests.mpmtop.large_deformation.cases import cantilever
+
+LAWS = pytest.mark.parametrize(
+    ("law", "principal"), [(Hencky(0.3), LogarithmicLaw(0.3)), (NeoHookean(0.3), NeoHookeanLaw(0.3))]
+)
+
+
+def loaded(principal: PrincipalLaw, x: np.ndarray, force: np.ndarray) -> LargeModel:
+    """Elements of 2 x 2 on the cantilever, under forces (k, 2) at positions x (k, 2)."""
+    model = large_model(discretise(cantilever(), 2.0), principal)
+    return with_load(model, nodal_forces(model.fem.basis, x, force))
+
+
+@LAWS
+def test_points_at_gauss_points_are_the_bilinear_element(law: Law, principal: PrincipalLaw) -> None:
+    """Six steps to a deflection of a third of the length: displacements at the nodes, and gradients of end and path."""
+    scene = cantilever(0.15)
+    points = to_gauss_points(seed(scene.domain, (1.0, 1.0)))
+    how = {"steps": 6, "frame": "total", "alpha": 0.0, "law": law, "grid": Grid((0, 0), (2, 2), (10, 5))}
+    body = discretise_points(scene, 2.0, 2, tent, points=points, **how)  # type: ignore[arg-type]
+    rng = np.random.default_rng(0)
+    moduli = rng.uniform(0.3, 1, 50)  # of the elements
+    element = np.ravel_multi_index((points.x // 2).astype(int).T, (10, 5))
+    path = trajectory(body, moduli[element], tol=1e-13)
+
+    carriers = np.any(body.force != 0, axis=1)
+    model = loaded(principal, points.x[carriers], body.force[carriers])
+    order = np.ravel_multi_index((model.fem.centres // 2).astype(int).T, (10, 5))
+    levels = np.arange(1, 7) / 6
+    found = list(load_steps(model, moduli[order], levels, tol=1e-13))
+    node = np.rint(model.basis.mesh.p.T / 2).astype(int)
+    total = np.zeros((66, 2))
+    for step, u in zip(path.increments, found, strict=True):
+        total += step.u
+        expected = total[np.ravel_multi_index(node.T, (11, 6))]
+        np.testing.assert_allclose(u[model.basis.nodal_dofs].T, expected, atol=1e-12 * 20)
+    assert found[-1].min() < -0.3 * 20
+    for objective, weights in ((EndCompliance(), [0.0] * 5 + [1.0]), (PathCompliance(), 1 / (6 * levels))):
+        J, by_element = compliance_gradient(model, moduli[order], found, np.array(weights))
+        assert objective.value(body, path, moduli) == pytest.approx(J, rel=1e-12)
+        by_point = np.bincount(element, gradient(objective, body, path, np.ones(200))[1])
+        np.testing.assert_allclose(by_element, by_point[order], atol=1e-11 * np.abs(by_point).max())
+
+
+@LAWS
+@pytest.mark.parametrize("order", [1, 2])
+def test_tangent_and_gradient_are_derivatives(law: Law, principal: PrincipalLaw, order: int) -> None:
+    model = large_model(discretise(cantilever(0.1), 2.0, order), principal)
+    rng = np.random.default_rng(1)
+    moduli, u, du = rng.uniform(0.5, 1, 50), *(0.1 * rng.standard_normal((2, model.basis.N)))
+    h = 1e-6
+    quotient = (model.residual(moduli, u + h * du) - model.residual(moduli, u - h * du)) / (2 * h)
+    np.testing.assert_allclose(model.tangent(moduli, u) @ du, quotient, atol=1e-8)  # h^2, and rounding / h
+    weights, levels, dE = np.array([0.4, 1.0]), np.array([0.5, 1.0]), rng.standard_normal(50)
+
+    def J(E: np.ndarray) -> float:
+        return compliance_gradient(model, E, list(load_steps(model, E, levels)), weights)[0]
+
+    exact = compliance_gradient(model, moduli, list(load_steps(model, moduli, levels)), weights)[1]
+    assert exact @ dE == pytest.approx((J(moduli + 1e-4 * dE) - J(moduli - 1e-4 * dE)) / 2e-4, rel=1e-5)
+
+
+def elastica(load: float) -> tuple[float, float]:
+    """Tip displacements (along, across) by length of a cantilever under P L^2 / EI = `load` across it, in closed form.
+
+    With the angle a at the tip, k^2 = (1 + sin a) / 2 and sin p = 1 / (k sqrt 2): sqrt(load) = K(k) - F(p, k), across
+    = 1 - 2 (E(k) - E(p, k)) / sqrt(load), along = 1 - sqrt(2 sin a / load). Source: Bisshopp and Drucker (1945),
+    Quart. Appl. Math. 3:272.
+    """
+
+    def part(a: float) -> tuple[float, float]:
+        m = (1 + np.sin(a)) / 2
+        p = np.arcsin(1 / np.sqrt(2 * m))
+        return ellipkinc(np.pi / 2, m) - ellipkinc(p, m), ellipeinc(np.pi / 2, m) - ellipeinc(p, m)
+
+    a = brentq(lambda a: part(a)[0] - np.sqrt(load), 1e-9, np.pi / 2 - 1e-9, xtol=1e-14)
+    return 1 - np.sqrt(2 * np.sin(a) / load), 1 - 2 * part(a)[1] / np.sqrt(load)
+
+
+def test_biquadratic_elements_follow_the_elastica() -> None:
+    """L / d = 100, plane strain with nu = 0: P L^2 / EI = 1, 2, 5, 10. Shear and the stretch of the length are left."""
+    L, d = 100.0, 1.0
+    whole = 10 * (d**3 / 12) / L**2
+    scene = Scene(
+        "elastica",
+        Rectangle((0, 0), (L, d)),
+        (Support(Rectangle((0, 0), (0, d))),),
+        (PointLoad((L, d / 2), (0.0, -whole), 0),),
+        filter_radius=1.0,
+        material=Material(1.0, 0.0),
+    )
+    model = large_model(discretise(scene, (2.0, 1.0), 2), LogarithmicLaw(0.0))
+    tip = np.flatnonzero(np.all(np.isclose(model.basis.doflocs.T, [L, d / 2]), axis=1))
+    levels = np.array([0.1, 0.2, 0.5, 1.0])
+    for level, u in zip(levels, load_steps(model, np.ones(50), levels), strict=True):
+        along, across = elastica(10 * level)
+        np.testing.assert_allclose(-u[tip] / L, [along, across], rtol=1e-3)
+
+
+def test_plane_stress_and_another_poisson_are_refused() -> None:
+    fem = discretise(cantilever(), 2.0)
+    with pytest.raises(InvalidScene, match="Poisson"):
+        large_model(fem, LogarithmicLaw(0.2))
+    with pytest.raises(InvalidScene, match="plane stress"):
+        large_model(replace(fem, material=Material(1, 0.3, "stress")), LogarithmicLaw(0.3))
+
+
+def test_load_without_equilibrium_is_named() -> None:
+    """A dead load that pulls with the body's modulus: logarithmic elasticity softens before it bears that."""
+    scene = replace(cantilever(), loads=(PointLoad((20.0, 5.0), (10.0, 0.0), 0),))
+    model = large_model(discretise(scene, 10.0), LogarithmicLaw(0.3))
+    with pytest.raises(NotConverged, match=r"load level 1 of 1: Newton's method fails from 0\.[0-9]+ on"):
+        list(load_steps(model, np.ones(2), np.array([1.0])))
