@@ -149,12 +149,13 @@ class Problem:
     level: float
     tol: float
 
+    @np.errstate(over="ignore", invalid="ignore")  # what leaves the range is refused at the end
     def trial(self, q: Array) -> Trial | None:
         """What q gives; None where a point is inverted or a number leaves the range."""
         ops, volume = self.ops, self.model.points.volume
         F = self.F_old + ops.gradient(ops.nodal(q))
         J = jacobian(F).real
-        if not np.all(J > 0):
+        if not np.all((J > 0) & np.isfinite(J)):
             return None
         P = (volume * self.moduli)[:, None, None] * stress(self.model.law, F)
         internal = ops.to_nodes(P)
@@ -171,6 +172,7 @@ class Problem:
         accepted = bool(size <= max(self.tol * applied, ROUNDING * float(np.linalg.norm(rounding))))
         return Trial(q, F, R, size / max(applied, np.finfo(float).tiny), accepted)
 
+    @np.errstate(over="ignore", invalid="ignore")  # no step to such an energy is taken
     def energy(self, trial: Trial) -> float:
         """Energy whose gradient is R."""
         ops, model = self.ops, self.model
