@@ -21,13 +21,13 @@ Loads below 1e-9 of E are found with fewer digits for it."""
 MAX_NEWTON = 10
 """Newton steps. From the start of a load step 4 to 9 are usual, in bending the first ones stretch the body; what takes
 more has been seen to end on another branch than the one that the load leads along."""
-MAX_DESCENT = 60
+MAX_DESCENT = 40
 """Newton steps where each must lower the energy: slower and safer."""
 KEPT = 0.1
 """Part of det F that a point keeps in one Newton step; the laws end at det F = 0."""
 SHORTEST = 1 / 64
 """Of a Newton step, before it counts as failed."""
-MAX_HALVINGS = 5
+MAX_HALVINGS = 4
 """Of the load between two levels, before the step counts as failed."""
 
 
