@@ -18,7 +18,8 @@ from scipy.sparse.linalg import splu
 from skfem import BilinearForm, CellBasis, LinearForm
 from skfem.helpers import grad
 
-from mpmtop.scene import Array, InvalidScene, NotConverged
+from mpmtop.arrays import Array
+from mpmtop.errors import InvalidScene, NotConverged
 from reference_fem.elasticity import FemModel
 
 TOLERANCE = 1e-11
@@ -140,10 +141,10 @@ class LargeModel:
 
 def large_model(fem: FemModel, law: PrincipalLaw) -> LargeModel:
     """`fem` in large deformation. InvalidScene in plane stress, or where the law has another Poisson's ratio."""
-    if fem.material.plane != "strain":
+    if fem.body.material.plane != "strain":
         raise InvalidScene("large deformation in plane stress: the laws are those of plane strain, set plane='strain'")
-    if getattr(law, "poisson", fem.material.poisson) != fem.material.poisson:
-        raise InvalidScene(f"{law} for a material of Poisson's ratio {fem.material.poisson}: give both the same")
+    if getattr(law, "poisson", fem.body.material.poisson) != fem.body.material.poisson:
+        raise InvalidScene(f"{law} for a material of Poisson's ratio {fem.body.material.poisson}: give both the same")
     biquadratic = fem.basis.Nbfun == 18
     return LargeModel(fem, law, CellBasis(fem.basis.mesh, fem.basis.elem, intorder=5 if biquadratic else 3))
 

@@ -6,12 +6,14 @@ from functools import cached_property
 
 import numpy as np
 
-from mpmtop.design import DensityFilter, DesignSpace, density_filter, design_space, passive_filter
+from mpmtop.arrays import Array
+from mpmtop.design import Design, physical_densities
+from mpmtop.errors import InvalidScene, LoadOutsideBody
+from mpmtop.filter import DensityFilter, DesignSpace, density_filter, design_space, passive_filter
 from mpmtop.large_deformation.model import Model
 from mpmtop.large_deformation.objectives import EndCompliance, PathObjective, gradient
 from mpmtop.large_deformation.steps import Trajectory, trajectory
 from mpmtop.material import simp
-from mpmtop.scene import Array, InvalidScene, LoadOutsideBody, Scene, physical_densities
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +37,7 @@ class LoadStepProblem:
     """
 
     model: Model
-    design: Scene
+    design: Design
     objective: PathObjective = field(default_factory=EndCompliance)
 
     def __post_init__(self) -> None:

@@ -7,13 +7,16 @@ import pytest
 from scipy.optimize import brentq
 from scipy.special import ellipeinc, ellipkinc
 
+from mpmtop.body import Body, Material, Support
+from mpmtop.errors import InvalidScene, NotConverged
 from mpmtop.grid import Grid
 from mpmtop.large_deformation.law import Hencky, Law, NeoHookean
 from mpmtop.large_deformation.model import discretise as discretise_points
 from mpmtop.large_deformation.objectives import EndCompliance, PathCompliance, gradient
 from mpmtop.large_deformation.steps import trajectory
+from mpmtop.loads import PointLoad
 from mpmtop.points import seed, to_gauss_points
-from mpmtop.scene import InvalidScene, Material, NotConverged, PointLoad, Rectangle, Scene, Support
+from mpmtop.region import Rectangle
 from mpmtop.shape_functions import tent
 from reference_fem.boundary import nodal_forces
 from reference_fem.elasticity import discretise
@@ -110,13 +113,11 @@ def test_biquadratic_elements_follow_the_elastica() -> None:
     """L / d = 100, plane strain with nu = 0: P L^2 / EI = 1, 2, 5, 10. Shear and the stretch of the length are left."""
     L, d = 100.0, 1.0
     whole = 10 * (d**3 / 12) / L**2
-    scene = Scene(
-        "elastica",
+    scene = Body(
         Rectangle((0, 0), (L, d)),
         (Support(Rectangle((0, 0), (0, d))),),
         (PointLoad((L, d / 2), (0.0, -whole), 0),),
-        filter_radius=1.0,
-        material=Material(1.0, 0.0),
+        Material(1.0, 0.0),
     )
     model = large_model(discretise(scene, (2.0, 1.0), 2), LogarithmicLaw(0.0))
     tip = np.flatnonzero(np.all(np.isclose(model.basis.doflocs.T, [L, d / 2]), axis=1))
@@ -131,7 +132,7 @@ def test_plane_stress_and_another_poisson_are_refused() -> None:
     with pytest.raises(InvalidScene, match="Poisson"):
         large_model(fem, LogarithmicLaw(0.2))
     with pytest.raises(InvalidScene, match="plane stress"):
-        large_model(replace(fem, material=Material(1, 0.3, "stress")), LogarithmicLaw(0.3))
+        large_model(replace(fem, Material(1, 0.3, "stress")), LogarithmicLaw(0.3))
 
 
 def test_load_without_equilibrium_is_named() -> None:

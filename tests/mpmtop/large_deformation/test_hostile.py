@@ -5,21 +5,14 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
+from mpmtop.body import Body, Material, Support
+from mpmtop.errors import LoadOutsideBody, NotConverged, PointOutsideGrid, UnsupportedBody
 from mpmtop.large_deformation.law import Hencky, NeoHookean, jacobian
 from mpmtop.large_deformation.model import Model, discretise
 from mpmtop.large_deformation.objectives import EndCompliance, gradient
 from mpmtop.large_deformation.steps import trajectory
-from mpmtop.scene import (
-    LoadOutsideBody,
-    Material,
-    NotConverged,
-    PointOutsideGrid,
-    Rectangle,
-    RegionLoad,
-    Scene,
-    Support,
-    UnsupportedBody,
-)
+from mpmtop.loads import RegionLoad
+from mpmtop.region import Rectangle
 from mpmtop.shape_functions import bspline2, gimp, tent
 
 NAMED = (LoadOutsideBody, NotConverged, PointOutsideGrid, UnsupportedBody)
@@ -48,7 +41,7 @@ def case(seed: int) -> Case:
     clamp = Support(Rectangle((-INF, -INF), (float(lower[0]), INF)))
     tip = RegionLoad(Rectangle((float(upper[0] - h[0]), -INF), (INF, INF)), force)
     domain = Rectangle(tuple(lower.tolist()), tuple(upper.tolist()))
-    scene = Scene("hostile", domain, (clamp,), (tip,), filter_radius=1.0, material=Material(E0, nu))
+    scene = Body(domain, (clamp,), (tip,), Material(E0, nu))
     shape_function = (tent, gimp, bspline2)[rng.integers(3)]
     frame = "total" if rng.random() < 0.25 else "updated"
     stretched = shape_function is gimp and frame == "updated" and rng.random() < 0.5

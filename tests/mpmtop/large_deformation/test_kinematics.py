@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from scipy.linalg import sqrtm
 
+from mpmtop.arrays import Array
 from mpmtop.grid import Grid
 from mpmtop.large_deformation.background import background
 from mpmtop.large_deformation.kinematics import WIDEST, pull_back, stretched, stretched_pull_back, weights
-from mpmtop.scene import Array
 from mpmtop.shape_functions import ShapeFunction, bspline2, gimp, tent
 
 GRID = Grid((-1.0, 2.0), (0.5, 0.8), (9, 7))

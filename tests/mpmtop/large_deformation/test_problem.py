@@ -6,28 +6,29 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mpmtop.design import Design
+from mpmtop.errors import InvalidScene, LoadOutsideBody
 from mpmtop.grid import Grid
 from mpmtop.large_deformation.law import NeoHookean
 from mpmtop.large_deformation.model import discretise
 from mpmtop.large_deformation.objectives import EndCompliance, EndStress, PathCompliance, PathObjective
 from mpmtop.large_deformation.problem import LoadStepProblem
 from mpmtop.optimize import GCMMA, optimize
-from mpmtop.scene import InvalidScene, LoadOutsideBody, Rectangle, Scene
+from mpmtop.region import Rectangle
 from mpmtop.shape_functions import gimp, tent
 from tests.mpmtop.large_deformation.cases import cantilever
 
 OBJECTIVES: tuple[PathObjective, ...] = (EndCompliance(), PathCompliance(), EndStress(8.0, 0.5))
 
 
-def scene(**change: object) -> Scene:
-    """The cantilever with its tip solid, under a load that moves the tip by a tenth of the length at first."""
-    return replace(cantilever(4e-3), volume_fraction=0.5, passive_solid=Rectangle((18, 2), (20, 8)), **change)  # type: ignore[arg-type]
+DESIGN = Design(volume_fraction=0.5, filter_radius=3.0, passive_solid=Rectangle((18, 2), (20, 8)))
 
 
 def problem(objective: PathObjective | None = None, **how: object) -> LoadStepProblem:
+    """The cantilever, solid at its tip, under a load that moves the tip by a tenth of the length at first."""
     box = Grid((-8.0, -20.0), (2.0, 2.0), (20, 23))
-    model = discretise(scene(), 2.0, 2, gimp, **({"steps": 2, "grid": box} | how))  # type: ignore[arg-type]
-    return LoadStepProblem(model, scene(), objective or EndCompliance())
+    model = discretise(cantilever(4e-3), 2.0, 2, gimp, **({"steps": 2, "grid": box} | how))  # type: ignore[arg-type]
+    return LoadStepProblem(model, DESIGN, objective or EndCompliance())
 
 
 @pytest.mark.parametrize("objective", OBJECTIVES, ids=lambda o: type(o).__name__)
@@ -66,10 +67,10 @@ def test_fingerprint_tells_problems_apart() -> None:
         problem(frame="total"),
         problem(alpha=1e-4),
         problem(law=NeoHookean(0.3)),
-        LoadStepProblem(replace(model, shape_function=tent), scene()),
-        LoadStepProblem(replace(model, force=2 * model.force), scene()),
-        LoadStepProblem(model, replace(scene(), filter_radius=2.0)),
-        LoadStepProblem(model, replace(scene(), penal=2.0)),
+        LoadStepProblem(replace(model, shape_function=tent), DESIGN),
+        LoadStepProblem(replace(model, force=2 * model.force), DESIGN),
+        LoadStepProblem(model, replace(DESIGN, filter_radius=2.0)),
+        LoadStepProblem(model, replace(DESIGN, penal=2.0)),
     ]
     assert len({p.fingerprint for p in others}) == len(others)
     assert problem().fingerprint == problem().fingerprint
@@ -90,7 +91,7 @@ def test_start_meets_the_constraint() -> None:
 )
 def test_impossible_designs_are_named(change: dict[str, Rectangle | None], error: type, match: str) -> None:
     with pytest.raises(error, match=match):
-        LoadStepProblem(problem().model, replace(scene(), **change))  # type: ignore[arg-type]
+        LoadStepProblem(problem().model, replace(DESIGN, **change))  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(("rho", "match"), [(np.ones(3), "one for each"), (np.full(200, 1.2), "outside 0 to 1")])

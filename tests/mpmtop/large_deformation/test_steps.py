@@ -7,8 +7,9 @@ from itertools import islice
 import numpy as np
 import pytest
 
-from mpmtop.equilibrium import discretise as discretise_small
+from mpmtop.body import Body, Material, Support
 from mpmtop.equilibrium import equilibrium
+from mpmtop.errors import InvalidScene, LoadOutsideBody, NotConverged, PointOutsideGrid, UnsupportedBody
 from mpmtop.grid import Grid
 from mpmtop.large_deformation.kinematics import WIDEST
 from mpmtop.large_deformation.law import Hencky, NeoHookean, jacobian, stress
@@ -16,20 +17,10 @@ from mpmtop.large_deformation.model import discretise
 from mpmtop.large_deformation.objectives import EndCompliance
 from mpmtop.large_deformation.step import Failure, Problem, moved, newton, operators, start
 from mpmtop.large_deformation.steps import load_steps, trajectory
+from mpmtop.loads import PointLoad, RegionLoad
+from mpmtop.model import discretise as discretise_small
 from mpmtop.points import seed
-from mpmtop.scene import (
-    InvalidScene,
-    LoadOutsideBody,
-    Material,
-    NotConverged,
-    PointLoad,
-    PointOutsideGrid,
-    Rectangle,
-    RegionLoad,
-    Scene,
-    Support,
-    UnsupportedBody,
-)
+from mpmtop.region import Rectangle
 from mpmtop.shape_functions import ShapeFunction, bspline2, bspline3, gimp, tent
 from tests.mpmtop.large_deformation.cases import INF, METHODS, ample, cantilever, model, moduli
 
@@ -160,7 +151,7 @@ def test_domains_wider_than_a_cell_are_clipped_and_counted() -> None:
     assert last.half_length.max() == WIDEST * 2.0
 
 
-def hanging(**change: object) -> Scene:
+def hanging(**change: object) -> Body:
     return replace(cantilever(), **change)  # type: ignore[arg-type]
 
 
