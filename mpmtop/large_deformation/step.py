@@ -201,11 +201,14 @@ def newton(problem: Problem, q: Array, *, descent: bool, polish: int) -> tuple[T
     if trial is None:
         raise Failure("a point is inverted at its start")
     residuals = [trial.residual]
-    for k in range(MAX_DESCENT if descent else MAX_NEWTON):
+    limit = MAX_DESCENT if descent else MAX_NEWTON
+    for k in range(limit + 1 + polish):
         if trial.accepted and k > 0:  # a small load is none
             polish -= 1
             if polish < 0:
                 return trial, residuals
+        if k >= limit and not trial.accepted:
+            break
         try:
             dq = problem.solve(trial.F)(-trial.R)
         except SingularMatrix as error:
