@@ -132,7 +132,7 @@ def test_plane_stress_and_another_poisson_are_refused() -> None:
     with pytest.raises(InvalidScene, match="Poisson"):
         large_model(fem, LogarithmicLaw(0.2))
     with pytest.raises(InvalidScene, match="plane stress"):
-        large_model(replace(fem, Material(1, 0.3, "stress")), LogarithmicLaw(0.3))
+        large_model(replace(fem, body=replace(fem.body, material=Material(1, 0.3, "stress"))), LogarithmicLaw(0.3))
 
 
 def test_load_without_equilibrium_is_named() -> None:
