@@ -74,6 +74,54 @@ def test_reference_fem_is_independent(path: Path) -> None:
             assert top in LIBRARIES["reference_fem"] | STANDARD | {"reference_fem"}, f"{path.stem} imports {name}"
 
 
-@pytest.mark.parametrize("path", sorted(ROOT.glob("validation/**/*.py")), ids=lambda p: p.stem)
-def test_validation_stays_out_of_the_tests(path: Path) -> None:
-    assert not any(name.startswith("tests") for name in imports(path))
+ROOMS: dict[str, set[str]] = {
+    "contents": {"harness"},
+    "harness": {"contents"},
+    "paper": {"harness"},
+    "measures": set(),
+    "oracles": set(),
+    "bodies": {"measures", "harness"},
+    "methods": {"measures", "bodies"},
+    "studies": {"harness", "paper", "measures", "oracles", "bodies", "methods"},
+    "conftest": {"harness"},
+    "__main__": {"harness", "contents"},
+}
+"""What a room of `validation` may import besides itself, and either solver, but for those that know no mechanics."""
+KNOW_NO_MECHANICS = {"__main__", "contents", "harness", "paper", "conftest"}
+
+
+def room_of(name: str) -> str:
+    """Room of a module of `validation` by its dotted name; that of a study is its folder."""
+    _, room, *inner = name.split(".")
+    return ".".join([room, *inner[:-1]]) if room == "studies" else room
+
+
+def dotted(path: Path) -> str:
+    return ".".join(path.relative_to(ROOT).with_suffix("").parts)
+
+
+def of_validation(path: Path) -> set[str]:
+    """Modules of `validation` that the file imports; `from validation.bodies import column` names a module."""
+    found = imports(path)
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.ImportFrom) and (ROOT / (node.module or "").replace(".", "/")).is_dir():
+            found |= {f"{node.module}.{alias.name}" for alias in node.names}
+    return {
+        name for name in found if name.startswith("validation.") and (ROOT / name.replace(".", "/")).is_dir() is False
+    }
+
+
+@pytest.mark.parametrize(
+    "path", sorted(p for p in ROOT.glob("validation/**/*.py") if p != ROOT / "validation" / "__init__.py"), ids=dotted
+)
+def test_rooms_of_validation(path: Path) -> None:
+    """Studies import the rooms, never one another; no room imports a study, and the harness neither solver."""
+    room = room_of(dotted(path))
+    kind = room.split(".")[0]
+    for name in of_validation(path):
+        other = room_of(name)
+        assert other == room or other in ROOMS[kind], f"{dotted(path)} imports {name}"
+    tops = {name.split(".")[0] for name in imports(path)}
+    assert "tests" not in tops
+    if kind in KNOW_NO_MECHANICS:
+        assert not tops & {"mpmtop", "reference_fem"}, f"{dotted(path)} knows mechanics"

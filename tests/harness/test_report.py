@@ -24,13 +24,15 @@ from markdown_it import MarkdownIt
 
 from validation.__main__ import BEGIN, END, main, with_findings
 from validation.harness import plugin
+from validation.harness import progress as counting
 from validation.harness.claims import Reading, Statement, Tally, stands
 from validation.harness.pages import replace
 from validation.harness.report import Locked, Report, raster
 from validation.harness.show import cell, number, per_cent, show
 from validation.harness.store import CLAIM_COLUMNS
+from validation.harness.style import STYLE
 from validation.harness.timed import read_timed
-from validation.measures.drawing import STYLE, draw_design, draw_points
+from validation.measures.drawing import draw_design, draw_points
 
 pytest_plugins = ["pytester"]
 
@@ -48,13 +50,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from validation.harness import plugin
+from validation.harness import progress as counting
 from validation.harness.claims import Statement
 from validation.measures.drawing import draw_design
 
 ASKED = "Does a column that *crosses* matter?"
 JUMP = Statement("Sect. 6.1", "a jump of 13.8 %", "result", 0.138, "%")
-plugin.SHOWN_AFTER = 0.05
+counting.EVERY = 0.1
 
 
 @pytest.mark.benchmark
@@ -160,7 +162,7 @@ def write_study(folder: Path, name: str, text: str) -> None:
 def rerun(pytester: pytest.Pytester, *arguments: str) -> str:
     """The same in this process, which is quicker, without a terminal and in the folder of `pytester`."""
     with mpl.rc_context(), pytest.MonkeyPatch.context() as patch:
-        patch.setattr(plugin, "SHOWN_AFTER", plugin.SHOWN_AFTER)  # which the study changes
+        patch.setattr(counting, "EVERY", counting.EVERY)  # which the study changes
         return pytester.runpytest_inprocess(*OPTIONS, *arguments).stdout.str()
 
 
@@ -516,10 +518,18 @@ def test_nothing_is_written_without_a_study(pytester: pytest.Pytester) -> None:
     assert not (pytester.path / "reports").exists()
 
 
-def test_progress_shows_on_a_terminal_only(studied: tuple[Path, str], pytester: pytest.Pytester) -> None:
-    assert "tent, iteration 1" in studied[1]
+def test_progress_shows_on_a_terminal(studied: tuple[Path, str]) -> None:
+    assert "\ntent: iteration 2, 0 s" in studied[1].replace("\r", "")
+
+
+def test_progress_shows_in_a_log_of_processes_beside_each_other(
+    pytester: pytest.Pytester, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PYTHONPATH", str(ROOT))
     write_study(pytester.path, "crossing", CROSSING)
-    assert "iteration" not in rerun(pytester, "-k", "tent", "-s")
+    pytester.makeini("[pytest]\nmarkers = benchmark")
+    done = pytester.runpytest_subprocess(*OPTIONS, "-n", "2", "-k", "jump")
+    assert {"tent: iteration 2, 0 s", "GIMP: iteration 2, 0 s"} <= set(done.stderr.lines)
 
 
 @pytest.mark.parametrize(

@@ -21,9 +21,10 @@ from validation.bodies.beam import (
     beam_tractions,
 )
 from validation.bodies.cook import cook_elements
-from validation.bodies.crossing import Periodic, Uniform
-from validation.measures.outcome import Measure, Outcome, Quantity, stored_bytes
-from validation.measures.probe import points_model, probe
+from validation.bodies.crossing import Periodic, Uniform, points_model
+from validation.measures.outcome import Measure, Outcome, stored_bytes
+from validation.measures.probe import probe
+from validation.studies.work_precision.quantity import Quantity
 from validation.studies.work_precision.runs import cheapest, front, refined, settled, slopes
 
 DEPTH = 3.0

@@ -13,9 +13,9 @@ from reference_fem import elasticity
 from reference_fem.boundary import nodal_forces
 from reference_fem.elasticity import fem_model
 from reference_fem.mesh import lattice, vector_basis
-from validation.bodies.crossing import Crossing
+from validation.bodies.crossing import Crossing, points_model
 from validation.measures.outcome import Measure, Outcome, of_elements, of_points
-from validation.measures.probe import displacement_at, points_model, probe, within
+from validation.measures.probe import displacement_at, probe, within
 
 BEAM = Material(young=1.0, poisson=0.3, plane="stress")
 """That of the study; every function of the closed form takes another one, of plane strain as well."""

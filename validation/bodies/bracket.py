@@ -16,9 +16,9 @@ from reference_fem import elasticity
 from reference_fem.boundary import locate_in_lattice, locate_in_mesh
 from reference_fem.elasticity import FemModel, fem_model, minimum_degree_elimination
 from reference_fem.mesh import domain_lattice, vector_basis
-from validation.bodies.crossing import Crossing
+from validation.bodies.crossing import Crossing, points_model
 from validation.measures.outcome import Measure, Outcome, of_elements, of_points
-from validation.measures.probe import INSIDE, points_model, probe, strain_at
+from validation.measures.probe import INSIDE, probe, strain_at
 
 BRACKET_SIDE = 50.0
 """Side of the L-bracket in units of its own h; its arms are 20 wide."""

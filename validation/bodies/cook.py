@@ -15,9 +15,9 @@ from reference_fem import elasticity
 from reference_fem.boundary import locate_in_mesh, nodal_forces
 from reference_fem.elasticity import FemModel, fem_model, minimum_degree_elimination
 from reference_fem.mesh import vector_basis
-from validation.bodies.crossing import Crossing
+from validation.bodies.crossing import Crossing, points_model
 from validation.measures.outcome import Measure, Outcome, of_elements, of_points
-from validation.measures.probe import displacement_at, points_model, probe, within
+from validation.measures.probe import displacement_at, probe, within
 
 COOK = Material(young=1.0, poisson=1 / 3, plane="stress")
 

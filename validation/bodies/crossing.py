@@ -11,8 +11,11 @@ from typing import Protocol
 import numpy as np
 
 from mpmtop.arrays import Array
-from mpmtop.points import MaterialPoints
+from mpmtop.body import Body
+from mpmtop.model import Model, discretise
+from mpmtop.points import MaterialPoints, seed
 from mpmtop.region import Region
+from mpmtop.shape_functions import ShapeFunction
 from validation.bodies.scenes import H
 
 
@@ -84,6 +87,12 @@ class Jitter:
 
     def __str__(self) -> str:
         return f"jitter({self.amplitude:g})"
+
+
+def points_model(body: Body, shape_function: ShapeFunction, ppc: int, crossing: Crossing, ghost: float = 0.0) -> Model:
+    """The body on cells of size 1 with ppc x ppc points in each, moved by `crossing`."""
+    points = crossing(seed(body.domain, (1 / ppc, 1 / ppc)), body.domain)
+    return discretise(body, 1.0, points=points, shape_function=shape_function, ghost=ghost)
 
 
 def moved_inside(points: MaterialPoints, distance: Array, body: Region, reach: float = 0.0) -> MaterialPoints:

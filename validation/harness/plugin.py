@@ -7,70 +7,48 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("MKL_NUM_THREADS", "1")
 
-import csv
 import pickle
 import re
-import sys
-import threading
 import time
 from collections import Counter
-from collections.abc import Generator, Iterable, Iterator, Mapping
+from collections.abc import Generator, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Protocol, TextIO, TypeVar
+from typing import Any
 
 import matplotlib as mpl
 import matplotlib.style
-import numpy as np
 import pytest
-from pytest_regressions.num_regression import NumericRegressionFixture
-from rich.console import Console
-from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from validation.contents import CONTENTS
+from validation.harness import lock, progress
 from validation.harness.claims import Tally
 from validation.harness.origin import provenance_of
 from validation.harness.pages import Measured, publish
-from validation.harness.report import Locked, Report
+from validation.harness.report import Report
 from validation.harness.store import Ran, Study, marked, merge, read
+from validation.harness.style import STYLE
 from validation.harness.timed import merge_timed, read_timed
-from validation.measures.drawing import STYLE
 
-Item = TypeVar("Item")
 LONGEST = ("l_bracket", "stability", "multi_resolution", "hole", "work_precision")
 """Studies that start first, so that processes beside each other end at about the same time."""
 ROOM = "studies"
 """The folder in which every study has one of its own."""
-SHOWN_AFTER = 2.0  # [s] an iteration shorter than this needs no progress line
 
 
 @dataclass
 class Run:
     """One pytest session: the recorders of its tests, and the functions they belong to."""
 
-    terminal: TextIO | None
     started: float = field(default_factory=time.perf_counter)
     files: set[str] = field(default_factory=set)
     reports: dict[pytest.Function, Report] = field(default_factory=dict)
     received: list[Ran] = field(default_factory=list)  # from the workers of pytest-xdist
     crashed: set[tuple[Path, str]] = field(default_factory=set)  # module and test that ended a worker
     summary: list[str] = field(default_factory=list)
-    progress: Progress | None = None  # of the running test
 
 
 RUN = pytest.StashKey[Run]()
-
-
-class Lock(Protocol):
-    """Compare numbers with those stored beside the study, to a relative tolerance."""
-
-    def __call__(self, numbers: Mapping[str, float], *, rtol: float) -> None: ...
-
-
-class ShowProgress(Protocol):
-    """Iterate as before, showing label, iteration and elapsed time on a terminal."""
-
-    def __call__(self, iterator: Iterable[Item], label: str) -> Iterator[Item]: ...
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -82,13 +60,9 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 def pytest_configure(config: pytest.Config) -> None:
     mpl.use("Agg")
     mpl.style.use(STYLE)
-    config.stash[RUN] = Run(_terminal())
-
-
-def pytest_unconfigure(config: pytest.Config) -> None:
-    terminal = config.stash[RUN].terminal
-    if terminal is not None:
-        terminal.close()
+    config.stash[RUN] = Run()
+    for fixtures in (lock, progress):
+        config.pluginmanager.register(fixtures, fixtures.__name__)
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
@@ -158,81 +132,6 @@ def report(request: pytest.FixtureRequest) -> Report:
     A run of some cases only leaves the section with those, until the whole function is run again.
     """
     return request.config.stash[RUN].reports[request.node]
-
-
-@pytest.fixture
-def lock(num_regression: NumericRegressionFixture, request: pytest.FixtureRequest, report: Report) -> Lock:
-    """Regression of numbers, by name, against the CSV in the study's folder `locks`; made anew by --force-regen. Drift
-    and tolerance go to the report before a difference ends the test."""
-
-    def check(numbers: Mapping[str, float], *, rtol: float) -> None:
-        absent = [name for name, number in numbers.items() if not np.isfinite(number)]
-        if absent:
-            raise ValueError(f"cannot lock {', '.join(absent)}: not finite")
-        stored = request.path.parent / "locks" / (re.sub(r"\W", "_", request.node.name) + ".csv")
-        renewed = request.config.getoption("force_regen") or request.config.getoption("regen_all")
-        if stored.exists() and not renewed:
-            # num_regression compares the columns it is given and passes over one that is no longer computed
-            with stored.open(encoding="utf-8", newline="") as lines:
-                (row,) = csv.DictReader(lines)
-            held = {name: float(number) for name, number in row.items() if name}
-            report.locks += [Locked(name, held[name], float(numbers[name]), rtol) for name in numbers if name in held]
-            others = f"other numbers than {stored.name} holds: rerun with --force-regen if meant"
-            assert set(numbers) == set(held), others
-        num_regression.check(
-            {name: np.array([number]) for name, number in numbers.items()},
-            fullpath=stored,
-            default_tolerance={"atol": 0.0, "rtol": rtol},
-        )
-
-    return check
-
-
-@pytest.hookimpl(wrapper=True)
-def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object]:
-    """Show a test that takes over two seconds, and what it counts, on a terminal."""
-    run = item.config.stash[RUN]
-    terminal = run.terminal
-    if terminal is None:
-        return (yield)
-    columns = (SpinnerColumn(), TextColumn("{task.description}{task.fields[count]}"), TimeElapsedColumn())
-    run.progress = line = Progress(
-        *columns, console=Console(file=terminal), transient=True, redirect_stdout=False, redirect_stderr=False
-    )
-    line.add_task(item.name, total=None, count="")
-
-    def start() -> None:
-        terminal.write("\n")  # below pytest's own line, which the progress line would overwrite
-        line.start()
-
-    timer = threading.Timer(SHOWN_AFTER, start)
-    timer.start()
-    try:
-        return (yield)
-    finally:
-        timer.cancel()
-        timer.join()
-        line.stop()
-        run.progress = None
-
-
-@pytest.fixture(scope="session")
-def progress(pytestconfig: pytest.Config) -> ShowProgress:
-    """Count a long iteration in the progress line: `for design in progress(optimise(scene), "cantilever")`."""
-    run = pytestconfig.stash[RUN]
-
-    def show(iterator: Iterable[Item], label: str) -> Iterator[Item]:
-        line = run.progress
-        if line is None:
-            yield from iterator
-            return
-        task = line.add_task(label, total=None, count="")
-        for done, item in enumerate(iterator):
-            line.update(task, count=f", iteration {done}")
-            yield item
-        line.remove_task(task)
-
-    return show
 
 
 def pytest_sessionstart(session: pytest.Session) -> None:
@@ -334,10 +233,3 @@ def _cpu_clock() -> float:
     """CPU seconds of this process and of those it has started and seen end."""
     times = os.times()
     return times.user + times.system + times.children_user + times.children_system
-
-
-def _terminal() -> TextIO | None:
-    """The terminal itself, duplicated before pytest captures it; None if there is none to draw on."""
-    if os.environ.get("CI") or not sys.stdout.isatty():
-        return None
-    return os.fdopen(os.dup(sys.stdout.fileno()), "w", encoding="utf-8")

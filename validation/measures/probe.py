@@ -6,22 +6,14 @@ import numpy as np
 
 from mpmtop.arrays import Array, Index
 from mpmtop.body import Body
-from mpmtop.model import Model, discretise
-from mpmtop.points import MaterialPoints, seed
-from mpmtop.shape_functions import ShapeFunction
+from mpmtop.model import Model
+from mpmtop.points import MaterialPoints
 from mpmtop.transfer import Transfer, transfer
 from reference_fem.boundary import Locate
 from reference_fem.elasticity import FemModel
-from validation.bodies.crossing import Crossing
 
 INSIDE = 1e-9
 """Positions on the edge of the body are taken this far within it [h]: a cell on the other side holds no point."""
-
-
-def points_model(body: Body, shape_function: ShapeFunction, ppc: int, crossing: Crossing, ghost: float = 0.0) -> Model:
-    """The body on cells of size 1 with ppc x ppc points in each, moved by `crossing`."""
-    points = crossing(seed(body.domain, (1 / ppc, 1 / ppc)), body.domain)
-    return discretise(body, 1.0, points=points, shape_function=shape_function, ghost=ghost)
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,10 +21,11 @@ from mpmtop.optimize import GCMMA, MMA, SingleStepGCMMA, UpdateRule
 from reference_fem.reanalyse import Judge, build_judge
 from validation import paper
 from validation.bodies.scenes import SPACING, TipLoad, cantilever
-from validation.harness.plugin import Lock, ShowProgress
+from validation.bodies.sketch import CALIBRATED, CHOSEN, opening
+from validation.harness.lock import Lock
+from validation.harness.progress import ShowProgress
 from validation.harness.report import Report
 from validation.measures.drawing import draw_design, draw_points
-from validation.measures.sketch import CALIBRATED, CHOSEN, opening
 from validation.measures.timing import cpu_seconds, iteration
 from validation.methods.analyser import METHODS, MOVE, PAPER_RULE, ROUNDING_RISE, Analyser, Optimisation
 from validation.methods.plain_fem import PlainProblem

@@ -24,11 +24,11 @@ from reference_fem.reanalyse import Judge, build_judge
 from validation import paper
 from validation.bodies.crossing import integrated_exactly
 from validation.bodies.scenes import SPACING, H, cantilever, extended_cantilever
+from validation.bodies.sketch import CALIBRATED, CHOSEN, opening
 from validation.bodies.solid_cantilever import reference_stress, tensor_norm
-from validation.harness.plugin import Lock
+from validation.harness.lock import Lock
 from validation.harness.report import Report
 from validation.measures.conditioning import Condition, condition, shown
-from validation.measures.sketch import CALIBRATED, CHOSEN, opening
 from validation.methods.analyser import SHAPE_FUNCTIONS
 
 ASKED = "What does crossing do to one analysis, before any optimisation?"

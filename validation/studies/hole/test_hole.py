@@ -32,11 +32,12 @@ from reference_fem.reanalyse import Judge, build_judge
 from reference_fem.simp import design_problem
 from validation import paper
 from validation.bodies.scenes import HOLE, perforated
-from validation.harness.plugin import Lock, ShowProgress
+from validation.bodies.sketch import CHOSEN, opening
+from validation.harness.lock import Lock
+from validation.harness.progress import ShowProgress
 from validation.harness.report import Report
 from validation.measures.conditioning import Condition, condition, shown
 from validation.measures.drawing import draw_design
-from validation.measures.sketch import CHOSEN, opening
 from validation.measures.timing import cpu_seconds, iteration
 from validation.methods.analyser import Analyser, Design, Optimisation, finite_elements, material_points, no_stress
 

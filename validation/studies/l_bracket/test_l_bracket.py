@@ -27,10 +27,11 @@ from mpmtop.scene import Compliance
 from reference_fem.reanalyse import Judge, build_judge, judge_stress
 from validation import paper
 from validation.bodies.scenes import CORNER, SPACING, l_bracket
-from validation.harness.plugin import Lock, ShowProgress
+from validation.bodies.sketch import CHOSEN, opening
+from validation.harness.lock import Lock
+from validation.harness.progress import ShowProgress
 from validation.harness.report import Report
 from validation.measures.drawing import draw_design, draw_points
-from validation.measures.sketch import CHOSEN, opening
 from validation.measures.timing import cpu_seconds, evaluation_with_gradient
 from validation.methods.analyser import JOBS, METHODS, MOVE, PAPER_RULE, ROUNDING_RISE, Analyser, Design, Optimisation
 

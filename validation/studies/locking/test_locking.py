@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from validation.harness.plugin import Lock
+from validation.harness.lock import Lock
 from validation.harness.report import Report
 from validation.methods.analyser import SHAPE_FUNCTIONS
 from validation.studies.locking.levels import (

@@ -28,10 +28,11 @@ from reference_fem import simp
 from reference_fem.reanalyse import Judge, build_judge, owners
 from validation import paper
 from validation.bodies.scenes import H, changed, distributed_load
-from validation.harness.plugin import Lock, ShowProgress
+from validation.bodies.sketch import CHOSEN, opening
+from validation.harness.lock import Lock
+from validation.harness.progress import ShowProgress
 from validation.harness.report import Report
 from validation.measures.drawing import draw_design, draw_points
-from validation.measures.sketch import CHOSEN, opening
 from validation.measures.timing import cpu_seconds, iteration
 from validation.methods.analyser import Analyser, Design, Optimisation, material_points, no_stress
 

@@ -21,7 +21,7 @@ from mpmtop.points import seed
 from reference_fem.reanalyse import build_judge
 from validation.bodies.crossing import Crossing, Jitter, Periodic, Uniform
 from validation.bodies.scenes import SPACING, H, cantilever
-from validation.harness.plugin import ShowProgress
+from validation.harness.progress import ShowProgress
 from validation.harness.report import Report
 from validation.measures.timing import Work, cpu_seconds, in_own_process
 from validation.methods.analyser import METHODS, MOVE, Optimisation
@@ -29,7 +29,8 @@ from validation.methods.analyser import METHODS, MOVE, Optimisation
 ASKED = "Do other codes give the same numbers, and how long do they take?"
 
 if find_spec("pymoto"):
-    from validation.methods.pymoto import Iteration, PyMoto, iterations
+    from validation.methods.pymoto import PyMoto
+    from validation.studies.peers.iterations import Iteration, iterations
 if find_spec("KratosMultiphysics"):
     from validation.methods.kratos import Kratos
 

@@ -21,9 +21,9 @@ from mpmtop.region import Rectangle
 from mpmtop.scene import Scene
 from validation import paper
 from validation.bodies.scenes import SPACING, H, changed, toy_cantilever
-from validation.harness.plugin import Lock
+from validation.bodies.sketch import CHOSEN, opening
+from validation.harness.lock import Lock
 from validation.harness.report import Report
-from validation.measures.sketch import CHOSEN, opening
 
 ASKED = "Is a point of zero density the same as no point?"
 

@@ -19,7 +19,7 @@ from matplotlib.ticker import NullFormatter
 
 from mpmtop.arrays import Array
 from mpmtop.solvers import MULTIGRID_FROM, BandedCholesky, MultigridCG
-from validation.harness.plugin import ShowProgress
+from validation.harness.progress import ShowProgress
 from validation.harness.report import Report
 from validation.studies.scale.sizes import (
     OBJECTIVES,

@@ -31,7 +31,8 @@ from validation.bodies.crossing import Crossing, Jitter, Periodic, Uniform, Wave
 from validation.bodies.manufactured import CURVATURE, DeformedWave
 from validation.bodies.scenes import SPACING, H, cantilever
 from validation.bodies.solid_cantilever import reference_stress, tensor_norm
-from validation.harness.plugin import Lock, ShowProgress
+from validation.harness.lock import Lock
+from validation.harness.progress import ShowProgress
 from validation.harness.report import Report
 from validation.measures.timing import cpu_seconds
 from validation.methods.analyser import SHAPE_FUNCTIONS

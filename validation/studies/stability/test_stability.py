@@ -32,7 +32,7 @@ from mpmtop.errors import NotConverged, UnsupportedBody
 from mpmtop.model import Model
 from mpmtop.objectives import compliance
 from mpmtop.solvers import Solve, Solver
-from validation.harness.plugin import Lock
+from validation.harness.lock import Lock
 from validation.harness.report import Report
 from validation.oracles.extended import condition, plain_condition
 from validation.studies.stability.cases import (

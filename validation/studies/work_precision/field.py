@@ -16,10 +16,9 @@ from mpmtop.scene import Scene
 from mpmtop.shape_functions import ShapeFunction
 from reference_fem.reanalyse import Judgement, build_judge
 from reference_fem.simp import design_problem
-from validation.bodies.crossing import Crossing
+from validation.bodies.crossing import Crossing, points_model
 from validation.bodies.scenes import cantilever, changed
 from validation.measures.outcome import Measure, of_elements, of_points
-from validation.measures.probe import points_model
 from validation.methods.analyser import PAPER_RULE, Design
 
 RADIUS = 1.5

@@ -9,8 +9,8 @@ from validation.bodies.cook import cook_elements, cook_points
 from validation.bodies.crossing import Periodic
 from validation.bodies.manufactured import DeformedWave
 from validation.bodies.square import square_elements, square_points
-from validation.measures.outcome import Quantity
 from validation.studies.work_precision.field import field_elements, field_points
+from validation.studies.work_precision.quantity import Quantity
 
 SQUARE = Quantity(
     "square",

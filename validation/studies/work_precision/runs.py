@@ -8,10 +8,11 @@ import pandas as pd
 from mpmtop.errors import NotConverged, UnsupportedBody
 from mpmtop.solvers import SingularMatrix
 from validation.bodies.crossing import Crossing, Uniform
-from validation.harness.plugin import ShowProgress
-from validation.measures.outcome import Outcome, Quantity
+from validation.harness.progress import ShowProgress
+from validation.measures.outcome import Outcome
 from validation.measures.timing import measured
 from validation.methods.analyser import SHAPE_FUNCTIONS
+from validation.studies.work_precision.quantity import Quantity
 
 UNCROSSED = Uniform(0.0)
 PPC = (1, 2, 3, 4)

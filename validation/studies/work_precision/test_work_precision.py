@@ -25,7 +25,8 @@ import pytest
 
 from validation.bodies.bracket import bracket_reference
 from validation.bodies.cook import COOK_REFERENCE, cook_reference
-from validation.harness.plugin import Lock, ShowProgress
+from validation.harness.lock import Lock
+from validation.harness.progress import ShowProgress
 from validation.harness.report import Report
 from validation.studies.work_precision.checks import locked, orders_hold
 from validation.studies.work_precision.designs import design_name, optimisations

@@ -24,10 +24,11 @@ from reference_fem.reanalyse import Judge, build_judge
 from validation import paper
 from validation.bodies.crossing import Crossing, Periodic, Uniform, Wave
 from validation.bodies.scenes import SPACING, H, cantilever
-from validation.harness.plugin import Lock, ShowProgress
+from validation.bodies.sketch import CALIBRATED, CHOSEN, opening
+from validation.harness.lock import Lock
+from validation.harness.progress import ShowProgress
 from validation.harness.report import Report
 from validation.measures.drawing import draw_design, draw_points
-from validation.measures.sketch import CALIBRATED, CHOSEN, opening
 from validation.methods.analyser import METHODS, SHAPE_FUNCTIONS, Analyser, Optimisation, material_points
 from validation.paper import Compared, compare
 

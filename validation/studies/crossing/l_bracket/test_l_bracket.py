@@ -22,10 +22,11 @@ from reference_fem.reanalyse import Judge, build_judge, judge_stress
 from validation import paper
 from validation.bodies.crossing import Crossing, Periodic
 from validation.bodies.scenes import CORNER, SPACING, l_bracket
-from validation.harness.plugin import Lock, ShowProgress
+from validation.bodies.sketch import CHOSEN, opening
+from validation.harness.lock import Lock
+from validation.harness.progress import ShowProgress
 from validation.harness.report import Report
 from validation.measures.drawing import draw_design, draw_points
-from validation.measures.sketch import CHOSEN, opening
 from validation.methods.analyser import (
     JOBS,
     METHODS,
