@@ -1,11 +1,14 @@
 """Equilibrium: f_int(u) = f_ext (Eqs. 3 and 4), solved with one factorisation, refined and checked."""
 
+import warnings
 from dataclasses import dataclass
 from typing import NamedTuple
+from weakref import WeakSet
 
 import numpy as np
 
 from mpmtop.arrays import Array
+from mpmtop.diagnose import energy_warning
 from mpmtop.errors import InvalidScene, NotConverged
 from mpmtop.mechanism import mechanism_named, place
 from mpmtop.model import Model
@@ -13,6 +16,9 @@ from mpmtop.solvers import Solve
 
 ADJOINT = 1e-6
 """Error of a gradient, relative, that rounding may leave where void carries the load: it misleads no optimiser."""
+
+_ANALYSED: WeakSet[Model] = WeakSet()
+"""Models that have been warned of what only an analysis shows: once each."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +44,8 @@ def equilibrium(
     `f_ext` (2a,) replaces the nodal forces of the body's loads, for a body force or whatever else no load says. One
     solve is enough but for rounding; any further one is a step of iterative refinement with the same factorisation, see
     `checked_solve`, also for `tol` and what it raises. Raises UnsupportedBody if K is singular, naming the node and the
-    island it belongs to, and InvalidScene without any load.
+    island it belongs to, and InvalidScene without any load. A model's first analysis warns of a NearMechanism if the
+    points see a small part of the strain energy only.
     """
     if not np.all(np.isfinite(moduli)) or np.min(moduli) < 0:
         raise ValueError("point moduli must be finite and not negative: check the densities")
@@ -50,6 +57,11 @@ def equilibrium(
     with mechanism_named(model, moduli):
         solve = model.solver.factor(model.stiffness.data(moduli), tol)
     found = checked_solve(model, moduli, solve, f_ext, tol=tol, max_solves=max_solves)
+    if model not in _ANALYSED:
+        _ANALYSED.add(model)
+        unseen = energy_warning(model.grid, model.points, model.transfer, found.u, found.strain, moduli)
+        if unseen is not None:
+            warnings.warn(unseen, stacklevel=2)
     return Equilibrium(moduli, f_ext, found.u, found.strain, solve, tol, found.solves, found.residual)
 
 

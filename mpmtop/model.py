@@ -1,5 +1,6 @@
 """Model: a body on a grid with material points, its loads and supports, and the operators made of them."""
 
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -9,6 +10,7 @@ import numpy as np
 from mpmtop.arrays import Array, Mask
 from mpmtop.b_bar import with_mean_dilatation
 from mpmtop.body import Body, Support
+from mpmtop.diagnose import ModelWarning, findings
 from mpmtop.errors import InvalidScene, LoadOutsideBody, UnsupportedBody
 from mpmtop.ghost import GhostPenalty, ghost_penalty
 from mpmtop.grid import Grid
@@ -38,6 +40,7 @@ class Model:
     ghost: GhostPenalty
     stiffness: Stiffness
     solver: Solver
+    findings: tuple[ModelWarning, ...]  # how the model misleads about the body, see `mpmtop.diagnose`
 
     def __post_init__(self) -> None:
         held = held_dofs(self.body.supports, self.grid.node_positions(self.transfer.nodes), 1e-9 * min(self.grid.h))
@@ -84,6 +87,7 @@ def discretise(
     zero for none; tent and GIMP only. `b_bar` averages the dilatation over each cell against volumetric locking, see
     `mpmtop.b_bar`.
     Raises EmptyDomain, PointOutsideGrid, LoadOutsideBody, UnsupportedBody, or InvalidScene for `b_bar` in plane stress.
+    Warns of what misleads about the body: GluedGap, NearMechanism, PointsOnGridLines, see `mpmtop.diagnose`.
 
     Limit: domains of GIMP that leave the body's outermost cells by a hair give the nodes outside a hair of stiffness.
     These move far and the edge gets softer by a step, the more so the fewer cells the body has, unless a ghost penalty
@@ -91,6 +95,7 @@ def discretise(
     """
     hx, hy = (float(s) for s in np.broadcast_to(h, 2))
     lower, upper = body.domain.bounds
+    seeded_in = body.domain if points is None else None
     if points is None:
         nx, ny = np.broadcast_to(ppc, 2)
         if min(nx, ny) < 1 or not np.issubdtype(nx.dtype, np.integer):
@@ -102,6 +107,8 @@ def discretise(
         outside = np.maximum([lower - points.x.min(axis=0), points.x.max(axis=0) - upper], 0) / (hx, hy)
         grid = Grid.around(lower, upper, (hx, hy), margin=2 + int(np.ceil(outside.max())))
     operators = transfer(grid, points, shape_function)
+    loads = external_force(body.loads, grid, points, operators)
+    found = findings(grid, points, operators, shape_function, body.supports, loads, seeded_in)
     penalty = ghost_penalty(ghost, grid, points, operators, shape_function)
     if b_bar:
         if body.material.plane == "stress":
@@ -112,11 +119,13 @@ def discretise(
     node, component = np.divmod(K.dof, 2)
     lines = np.stack(np.divmod(operators.nodes[node], grid.nodes[1]), axis=-1)
     chosen = solver(Pattern(len(K.dof), K.row, K.col, Lattice(grid.h, lines, component)))
-    model = Model(body, grid, points, shape_function, operators, penalty, K, chosen)
+    model = Model(body, grid, points, shape_function, operators, penalty, K, chosen, found)
     if body.loads and not np.any(model.f_ext[K.dof]):
         raise LoadOutsideBody(
             "the loads act on held nodes only: move them away from the supports, or make them nonzero"
         )
+    for finding in found:
+        warnings.warn(finding, stacklevel=2)
     return model
 
 

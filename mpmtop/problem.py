@@ -234,6 +234,7 @@ def plan(problem: DesignProblem) -> str:
         else "adjoint solve: skipped, compliance is self-adjoint",
         "stresses: at every point" if problem.functional.solves else "stresses: skipped, the objective needs none",
         f"filter: {_filter_plan(problem)}",
+        *(f"warning, {type(finding).__name__}: {finding}" for finding in model.findings),
     ]
     return "\n".join(lines)
 

@@ -19,6 +19,9 @@ import numpy as np
 
 from mpmtop.arrays import Array, Index
 
+ROUNDED = 2e-9
+"""Part by which a domain as wide as a cell may exceed it: what sides that the spacing divides to 1e-9 make of it."""
+
 
 class Stencil(NamedTuple):
     """First node (p,) of n consecutive ones; N (p, n) and grad_N (p, n), the latter per cell size."""
@@ -64,10 +67,10 @@ def gimp(xi: Array, half_length: Array, tol: float = 0.0, ends: Ends | None = No
     printed omits the constant l/2 of the middle branch; without it the functions do not sum to one.)
     Source: Bardenhagen and Kober (2004), CMES 5:477.
     """
-    if np.any(half_length.real > 0.5 + tol):
+    if np.any(half_length.real > 0.5 * (1 + ROUNDED) + tol):
         raise ValueError(
-            f"GIMP: a point's domain is {2 * half_length.real.max():.3g} cells wide: "
-            "use at least one point per cell and direction"
+            f"GIMP: a point's domain is {2 * half_length.real.max():.10g} cells wide, and may be one: use two points "
+            "or more per cell and direction, smaller `half_length`, or larger cells (one leaves nodes all but free)"
         )
     lp = np.where(half_length.real > 0.5, 0.5, half_length)
     node = np.rint(xi.real)

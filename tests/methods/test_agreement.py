@@ -15,6 +15,8 @@ from reference_fem import elasticity
 from tests.scenes import cantilever
 from validation.bodies.scenes import changed
 
+pytestmark = pytest.mark.filterwarnings("ignore::mpmtop.diagnose.ModelWarning")  # bodies are moved and cut on purpose
+
 
 @pytest.mark.parametrize("plane", ["strain", "stress"])
 @pytest.mark.parametrize("h", [1.0, (0.5, 0.25)])

@@ -22,6 +22,8 @@ from mpmtop.stiffness import CellMap
 from tests.scenes import SHAPE_FUNCTIONS, cantilever
 from validation.studies.locking import levels as locking
 
+pytestmark = pytest.mark.filterwarnings("ignore::mpmtop.diagnose.ModelWarning")  # bodies are moved and cut on purpose
+
 ARRANGEMENTS = ("seeded", "on lines", "scattered")
 NEARLY = Material(young=2.0, poisson=0.49)
 

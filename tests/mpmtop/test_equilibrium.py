@@ -21,6 +21,8 @@ from mpmtop.solvers import BandedCholesky, Solve, SuperLU
 from tests.scenes import LEFT_CLAMP, SHAPE_FUNCTIONS, cantilever
 from validation.oracles.extended import full_stiffness
 
+pytestmark = pytest.mark.filterwarnings("ignore::mpmtop.diagnose.ModelWarning")  # bodies are moved and cut on purpose
+
 DATA = Path(__file__).parents[2] / "validation" / "data" / "ample"
 ALL = pytest.mark.parametrize("shape_function", SHAPE_FUNCTIONS, ids=lambda f: f.__name__)
 

@@ -20,6 +20,8 @@ from mpmtop.transfer import transfer
 from tests.scenes import LEFT_CLAMP, cantilever
 from validation.measures.conditioning import condition
 
+pytestmark = pytest.mark.filterwarnings("ignore::mpmtop.diagnose.ModelWarning")  # bodies are moved and cut on purpose
+
 BOTH = pytest.mark.parametrize("shape_function", [tent, gimp], ids=lambda f: f.__name__)
 HOLE = Difference(Rectangle((0, 0), (8, 4)), Circle((4.3, 1.2), 1.3))
 """Leaves a lone point in some cells: singular without the penalty."""

@@ -22,6 +22,8 @@ from mpmtop.shape_functions import ShapeFunction, tent
 from mpmtop.solvers import BandedCholesky, MultigridCG
 from tests.scenes import LEFT_CLAMP, SHAPE_FUNCTIONS, cantilever
 
+pytestmark = pytest.mark.filterwarnings("ignore::mpmtop.diagnose.ModelWarning")  # bodies are moved and cut on purpose
+
 ALL = pytest.mark.parametrize("shape_function", SHAPE_FUNCTIONS, ids=lambda f: f.__name__)
 
 

@@ -17,6 +17,8 @@ from mpmtop.shape_functions import gimp
 from tests.scenes import cantilever
 from validation.oracles.woodbury import State, exact_derivatives, material_points
 
+pytestmark = pytest.mark.filterwarnings("ignore::mpmtop.diagnose.ModelWarning")  # bodies are moved and cut on purpose
+
 BODY = Rectangle((0, 0), (8, 4))
 HOLE = Circle((4, 2), 1.1)
 PLATE = Rectangle((6, 3), (8, 4))

@@ -13,6 +13,8 @@ from mpmtop.scene import PNormStress
 from mpmtop.shape_functions import ShapeFunction, gimp, tent
 from tests.scenes import SHAPE_FUNCTIONS, cantilever
 
+pytestmark = pytest.mark.filterwarnings("ignore::mpmtop.diagnose.ModelWarning")  # bodies are moved and cut on purpose
+
 
 def two_levels() -> MaterialPoints:
     """A 4 x 2 body: unit points on the left half, quarter-size ones on the right."""

@@ -13,6 +13,8 @@ from mpmtop.solvers import MultigridCG
 from mpmtop.stiffness import CellMap
 from tests.scenes import SHAPE_FUNCTIONS, cantilever
 
+pytestmark = pytest.mark.filterwarnings("ignore::mpmtop.diagnose.ModelWarning")  # bodies are moved and cut on purpose
+
 HOLED = Difference(Rectangle((0, 0), (12, 8)), Circle((5.3, 3.2), 2.3))
 
 

@@ -10,6 +10,8 @@ from validation.bodies.crossing import Crossing, Jitter, Uniform
 from validation.bodies.scenes import SPACING, cantilever
 from validation.studies.shape_functions.scatter import Scattered, fem_gradients, scattered
 
+pytestmark = pytest.mark.filterwarnings("ignore::mpmtop.diagnose.ModelWarning")  # bodies are moved and cut on purpose
+
 distributed = pytest.importorskip("distributed", reason="no Dask cluster here: pip install -e '.[cluster]'")
 
 MOVES: tuple[Crossing, ...] = (Uniform(0.3), Jitter(0.3, 1))

@@ -45,6 +45,8 @@ from validation.studies.stability.runs import Bars, damaged, resumed
 from validation.studies.stability.scales import materials, units
 from validation.studies.stability.test_stability import SECTIONS
 
+pytestmark = pytest.mark.filterwarnings("ignore::mpmtop.diagnose.ModelWarning")  # bodies are moved and cut on purpose
+
 
 def kind(run: Callable[[], Finding]) -> str:
     return outcome(Case("family", "name", "judge", run, (UnsupportedBody,))).kind

@@ -31,6 +31,9 @@ from validation.harness.report import Report
 from validation.measures.conditioning import Condition, condition, shown
 from validation.methods.analyser import SHAPE_FUNCTIONS
 
+# points are moved off the clamp and over grid lines on purpose
+pytestmark = pytest.mark.filterwarnings("ignore::mpmtop.diagnose.ModelWarning")
+
 ASKED = "What does crossing do to one analysis, before any optimisation?"
 
 RTOL_ANALYSIS = 1e-8

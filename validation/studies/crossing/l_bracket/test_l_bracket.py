@@ -40,6 +40,9 @@ from validation.methods.analyser import (
 )
 from validation.paper import Compared, compare
 
+# points are moved off the clamp and over grid lines on purpose
+pytestmark = pytest.mark.filterwarnings("ignore::mpmtop.diagnose.ModelWarning")
+
 ASKED = "What does crossing do to designs of low stress: by the method that makes them, and in truth?"
 
 CROSSING = Periodic(4)
