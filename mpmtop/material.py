@@ -4,6 +4,7 @@ import numpy as np
 
 from mpmtop.arrays import Array
 from mpmtop.body import Material
+from mpmtop.scene import StressMeasure
 
 
 def tangent(material: Material) -> Array:
@@ -14,18 +15,24 @@ def tangent(material: Material) -> Array:
     return np.array([[1, nu, 0], [nu, 1, 0], [0, 0, (1 - nu) / 2]]) / (1 - nu**2)
 
 
-def von_mises(stress: Array, material: Material) -> Array:
-    """Von Mises stress (p,) of plane stresses (p, 3); in plane strain sigma_zz = nu (sigma_xx + sigma_yy) counts."""
+def von_mises(stress: Array, material: Material, measure: StressMeasure = "von_mises") -> Array:
+    """Von Mises stress (p,) of plane stresses (p, 3); in plane strain sigma_zz = nu (sigma_xx + sigma_yy) counts,
+    unless the measure is in the plane."""
     xx, yy, xy = stress.T
-    zz = material.poisson * (xx + yy) if material.plane == "strain" else np.zeros_like(xx)
+    zz = _poisson_out_of_plane(material, measure) * (xx + yy)
     return np.sqrt(((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) / 2 + 3 * xy**2)
 
 
-def von_mises_form(material: Material) -> Array:
-    """Q (3, 3) with vm^2 = sigma . Q sigma for plane stresses, sigma_zz included: dvm/dsigma = Q sigma / vm."""
-    nu = material.poisson if material.plane == "strain" else 0.0
+def von_mises_form(material: Material, measure: StressMeasure = "von_mises") -> Array:
+    """Q (3, 3) with vm^2 = sigma . Q sigma for plane stresses, as `von_mises` measures: dvm/dsigma = Q sigma / vm."""
+    nu = _poisson_out_of_plane(material, measure)
     a, b = 1 - nu + nu**2, -(1 + 2 * nu - 2 * nu**2) / 2
     return np.array([[a, b, 0], [b, a, 0], [0, 0, 3.0]])
+
+
+def _poisson_out_of_plane(material: Material, measure: StressMeasure) -> float:
+    """The ratio of sigma_zz, as it counts, to sigma_xx + sigma_yy."""
+    return material.poisson if material.plane == "strain" and measure == "von_mises" else 0.0
 
 
 def simp(rho: Array, penal: float, contrast: float) -> tuple[Array, Array]:

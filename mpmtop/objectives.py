@@ -14,7 +14,7 @@ from mpmtop.arrays import Array
 from mpmtop.equilibrium import Equilibrium, checked_solve
 from mpmtop.material import von_mises, von_mises_form
 from mpmtop.model import Model
-from mpmtop.scene import Compliance, PNormStress
+from mpmtop.scene import Compliance, PNormStress, StressMeasure
 
 STRESS_TOLERANCE = 1e-8
 """Of an iterative solver, for objectives of stress: keeps them to 1e-6 over ten iterations (20,000 points, p = 12)."""
@@ -39,8 +39,9 @@ def objective(stated: Compliance | PNormStress) -> Objective:
                 lambda model, state, rho: (np.zeros_like(rho), compliance_gradient(model, state)),
                 solves=0,
             )
-        case PNormStress(p, q):
-            value, gradient = partial(p_norm_stress, p=p, q=q), partial(p_norm_stress_gradient, p=p, q=q)
+        case PNormStress(p, q, measure):
+            value = partial(p_norm_stress, p=p, q=q, measure=measure)
+            gradient = partial(p_norm_stress_gradient, p=p, q=q, measure=measure)
             return Objective(value, gradient, solves=1, tolerance=STRESS_TOLERANCE)
 
 
@@ -58,12 +59,16 @@ def compliance_gradient(model: Model, state: Equilibrium) -> Array:
     return _by_moduli(model, state, state.u, state.strain)
 
 
-def p_norm_stress(model: Model, state: Equilibrium, rho: Array, *, p: float, q: float) -> float:
+def p_norm_stress(
+    model: Model, state: Equilibrium, rho: Array, *, p: float, q: float, measure: StressMeasure = "von_mises"
+) -> float:
     """J2 = (sum_p s_p^p)^(1/p), s_p = rho_p^q vm(E0 D eps_p) (Eq. 9), scaled by the largest s against overflow."""
-    return _p_norm(rho**q * _solid_von_mises(model, state)[1], p)
+    return _p_norm(rho**q * _solid_von_mises(model, state, measure)[1], p)
 
 
-def p_norm_stress_gradient(model: Model, state: Equilibrium, rho: Array, *, p: float, q: float) -> tuple[Array, Array]:
+def p_norm_stress_gradient(
+    model: Model, state: Equilibrium, rho: Array, *, p: float, q: float, measure: StressMeasure = "von_mises"
+) -> tuple[Array, Array]:
     """Gradient of J2; one checked solve with the state's factorisation, K lambda = dJ2/du.
 
     w_p = dJ2/ds_p = (s_p / J2)^(p-1), in [0, 1]. At fixed state dJ2/drho_p = w_p q s_p / rho_p, which tends to zero at
@@ -71,14 +76,14 @@ def p_norm_stress_gradient(model: Model, state: Equilibrium, rho: Array, *, p: f
     Without stress vm has no derivative; zero, one of its subgradients, is taken.
     (Eqs. 17 to 20 of the paper, from L = J + lambda.(f_ext - f_int(u)).)
     """
-    stress, vm = _solid_von_mises(model, state)
+    stress, vm = _solid_von_mises(model, state, measure)
     s = rho**q * vm
     J = _p_norm(s, p)
     if J == 0:
         return np.zeros_like(rho), np.zeros_like(rho)
     w = (s / J) ** (p - 1)
     explicit = np.divide(w * q * s, rho, out=np.zeros_like(rho), where=rho > 0)
-    by_stress = stress @ von_mises_form(model.body.material)  # vm dvm/dsigma
+    by_stress = stress @ von_mises_form(model.body.material, measure)  # vm dvm/dsigma
     direction = np.divide(by_stress, vm[:, None], out=np.zeros_like(by_stress), where=vm[:, None] > 0)
     E0 = model.body.material.young
     by_strain = (w * rho**q * E0)[:, None] * (direction @ model.D)
@@ -95,10 +100,10 @@ def _by_moduli(model: Model, state: Equilibrium, adjoint: Array, adjoint_strain:
     return by_strain - model.ghost.work(adjoint, state.u)
 
 
-def _solid_von_mises(model: Model, state: Equilibrium) -> tuple[Array, Array]:
+def _solid_von_mises(model: Model, state: Equilibrium, measure: StressMeasure) -> tuple[Array, Array]:
     """Stress (p, 3) and von Mises stress (p,) of solid material under the strains of the state."""
     stress = model.body.material.young * (state.strain @ model.D)
-    return stress, von_mises(stress, model.body.material)
+    return stress, von_mises(stress, model.body.material, measure)
 
 
 def _p_norm(s: Array, p: float) -> float:

@@ -17,6 +17,7 @@ from skfem.quadrature import get_quadrature
 from mpmtop.arrays import Array, Index
 from mpmtop.body import Body, Material
 from mpmtop.errors import InvalidScene, LoadOutsideBody, NotConverged
+from mpmtop.scene import StressMeasure
 from reference_fem.boundary import held_dofs, locate_in_lattice, locate_in_mesh, nodal_forces
 from reference_fem.factorise import Factorise, Solve, choose_elimination, minimum_degree_superlu
 from reference_fem.mesh import (
@@ -287,20 +288,23 @@ def gauss_points(model: FemModel) -> Array:
     return get_quadrature(model.basis.elem, model.basis.elem.maxdeg)[0]
 
 
-def von_mises(sigma: Array) -> Array:
-    """Von Mises stress (...,) of stresses (..., 4) ordered (xx, yy, xy, zz)."""
+def von_mises(sigma: Array, measure: StressMeasure = "von_mises") -> Array:
+    """Von Mises stress (...,) of stresses (..., 4) ordered (xx, yy, xy, zz); in the plane zz does not count."""
     xx, yy, xy, zz = np.moveaxis(sigma, -1, 0)
+    if measure == "von_mises_in_plane":
+        return np.sqrt(xx**2 - xx * yy + yy**2 + 3 * xy**2)
     return np.sqrt(0.5 * ((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) + 3 * xy**2)
 
 
-def von_mises_factor(material: Material) -> Array:
+def von_mises_factor(material: Material, measure: StressMeasure = "von_mises") -> Array:
     """M (3, 3) with vm = |M eps|, the von Mises stress of solid material under the strain eps = (xx, yy, 2 xy).
 
     With s = (sigma_xx + sigma_yy) / 2, d = (sigma_xx - sigma_yy) / 2, t = sigma_xy: vm^2 = (s - sigma_zz)^2 + 3 d^2 +
     3 t^2, where s = (lambda + mu)(eps_xx + eps_yy), d = mu (eps_xx - eps_yy), t = 2 mu eps_xy and sigma_zz = 2 nu s in
-    plane strain, 0 in plane stress.
+    plane strain, 0 in plane stress and where the measure leaves it out.
     """
     lam, mu = (material.young * constant for constant in _lame(material))
-    mean = (lam + mu) * (1 - 2 * material.poisson * (material.plane == "strain"))
+    zz_counts = material.plane == "strain" and measure == "von_mises"
+    mean = (lam + mu) * (1 - 2 * material.poisson * zz_counts)
     shear = np.sqrt(3) * mu
     return np.array([[mean, mean, 0], [shear, -shear, 0], [0, 0, shear]])

@@ -13,7 +13,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from mpmtop.arrays import Array
-from mpmtop.scene import Compliance, PNormStress
+from mpmtop.scene import Compliance, PNormStress, StressMeasure
 from reference_fem.elasticity import FemModel, gauss_points, strain_operator, von_mises_factor
 from reference_fem.factorise import Solve
 from reference_fem.mesh import ELEMENT_CENTRE
@@ -41,8 +41,8 @@ def objective(stated: Compliance | PNormStress, model: FemModel, stress_at: Stre
     match stated:
         case Compliance():
             return compliance(model)
-        case PNormStress(p, q):
-            return p_norm_stress(model, p, q, STRESS_POSITIONS[stress_at](model))
+        case PNormStress(p, q, measure):
+            return p_norm_stress(model, p, q, STRESS_POSITIONS[stress_at](model), measure)
 
 
 def compliance(model: FemModel) -> Objective:
@@ -53,7 +53,9 @@ def compliance(model: FemModel) -> Objective:
     )
 
 
-def p_norm_stress(model: FemModel, p: float, q: float, reference: Array) -> Objective:
+def p_norm_stress(
+    model: FemModel, p: float, q: float, reference: Array, measure: StressMeasure = "von_mises"
+) -> Objective:
     """J = (sum_eg s_eg^p / g)^(1/p), s = rho_e^q vm_eg (Eq. 9), at reference positions (2, g) of every element.
 
     vm is the von Mises stress of solid material, of modulus E0, under the strain there. At one position the sum is
@@ -65,9 +67,8 @@ def p_norm_stress(model: FemModel, p: float, q: float, reference: Array) -> Obje
     """
     positions = reference.shape[1]
     points = len(model.area) * positions
-    T = sp.csr_matrix(
-        sp.kron(sp.eye(points), von_mises_factor(model.body.material)) @ strain_operator(model, reference)
-    )
+    factor = von_mises_factor(model.body.material, measure)
+    T = sp.csr_matrix(sp.kron(sp.eye(points), factor) @ strain_operator(model, reference))
 
     def solid(u: Array) -> tuple[Array, Array]:
         """t (e, g, 3) and vm (e, g)."""

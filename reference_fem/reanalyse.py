@@ -96,15 +96,16 @@ def judge_stress(judge: Judge, rho: Array, judgement: Judgement) -> JudgedStress
     """Relaxed stress s_e = rho^q vm_e of a judged design rho (p,), vm that of solid material, modulus E0 (Eq. 9).
 
     Its p-norm is (sum_e s_e^p / n_e)^(1/p), n_e being the number of elements of the point that owns element e: every
-    point counts once at any resolution, and with one element per point this is Eq. (9). p and q are those of the
-    scene's `PNormStress`, or its defaults if the scene has another objective.
+    point counts once at any resolution, and with one element per point this is Eq. (9). p, q and the measure of vm are
+    those of the scene's `PNormStress`, or its defaults if the scene has another objective.
     """
     rho = physical_densities(rho, judge.points, "point")
-    measure = judge.objective if isinstance(judge.objective, PNormStress) else PNormStress()
+    stated = judge.objective if isinstance(judge.objective, PNormStress) else PNormStress()
     solid = np.full(len(judge.owner), judge.model.body.material.young)
-    s = rho[judge.owner] ** measure.q * von_mises(stress(judge.model, judgement.u, solid))[:, 0]
+    vm = von_mises(stress(judge.model, judgement.u, solid), stated.measure)[:, 0]
+    s = rho[judge.owner] ** stated.q * vm
     weight = 1 / np.bincount(judge.owner)[judge.owner]
-    return JudgedStress(s, p_norm(s, measure.p, weight), float(s.max()))
+    return JudgedStress(s, p_norm(s, stated.p, weight), float(s.max()))
 
 
 def owners(cells: Array, x: Array, half_length: Array) -> Index:

@@ -170,6 +170,7 @@ def test_every_number_of_the_scene_is_in_the_fingerprint_of_elements() -> None:
             {"objective": PNormStress()},
             {"objective": PNormStress(p=8.0)},
             {"objective": PNormStress(q=0.4)},
+            {"objective": PNormStress(measure="von_mises_in_plane")},
             {"loads": (PointLoad((8, 1), (0, -1)),)},
             {"supports": (replace(LEFT_CLAMP, region=Rectangle((0, 0), (0, 2))),)},
             {"domain": Rectangle((0, 0), (8, 3.5))},

@@ -6,6 +6,7 @@ from typing import Any, Literal
 import numpy as np
 import pytest
 
+from mpmtop import fields
 from mpmtop.arrays import Array
 from mpmtop.body import Body, Material, Support
 from mpmtop.design import Design
@@ -17,7 +18,7 @@ from mpmtop.model import discretise
 from mpmtop.objectives import p_norm_stress, p_norm_stress_gradient
 from mpmtop.problem import DesignProblem, design_problem
 from mpmtop.region import Difference, Rectangle
-from mpmtop.scene import Compliance, PNormStress, Scene
+from mpmtop.scene import Compliance, PNormStress, Scene, StressMeasure
 from mpmtop.shape_functions import ShapeFunction, tent
 from mpmtop.solvers import BandedCholesky, MultigridCG
 from tests.scenes import LEFT_CLAMP, SHAPE_FUNCTIONS, cantilever
@@ -39,10 +40,16 @@ def density(seed: int) -> Array:
 
 @ALL
 @pytest.mark.parametrize("shift", [0.0, 0.3])
-@pytest.mark.parametrize("p", [12.0, 60.0])
-def test_gradient_has_a_second_order_remainder(shape_function: ShapeFunction, shift: float, p: float) -> None:
+@pytest.mark.parametrize(
+    "objective",
+    [PNormStress(12.0), PNormStress(60.0), PNormStress(12.0, measure="von_mises_in_plane")],
+    ids=["p=12", "p=60", "in plane"],
+)
+def test_gradient_has_a_second_order_remainder(
+    shape_function: ShapeFunction, shift: float, objective: PNormStress
+) -> None:
     """Taylor test at a random density and direction, without and with crossing."""
-    design = problem(PNormStress(p), shape_function, shift)
+    design = problem(objective, shape_function, shift)
     rho, d = density(0), np.random.default_rng(1).uniform(-0.1, 0.1, 128)
     at = design.analyse(rho)
     slope = design.density_gradient(at) @ d
@@ -99,12 +106,33 @@ def test_stress_does_not_depend_on_the_modulus() -> None:
     np.testing.assert_allclose(soft.density_gradient(a), stiff.density_gradient(b), rtol=0, atol=1e-9 * a.objective)
 
 
+@pytest.mark.parametrize("measure", ["von_mises", "von_mises_in_plane"])
 @pytest.mark.parametrize("plane", ["strain", "stress"])
-def test_von_mises_form(plane: Literal["strain", "stress"]) -> None:
+def test_von_mises_form(plane: Literal["strain", "stress"], measure: StressMeasure) -> None:
+    """The quadratic form, the formula and the one of exported fields, by the same name, are one."""
     material = Material(1.0, 0.3, plane)
     stress = np.random.default_rng(5).normal(size=(50, 3))
-    vm = np.sqrt(np.einsum("pa,ab,pb->p", stress, von_mises_form(material), stress))
-    np.testing.assert_allclose(vm, von_mises(stress, material), rtol=1e-13)
+    vm = np.sqrt(np.einsum("pa,ab,pb->p", stress, von_mises_form(material, measure), stress))
+    np.testing.assert_allclose(vm, von_mises(stress, material, measure), rtol=1e-13)
+    zz = 0.3 * (stress[:, 0] + stress[:, 1]) * (plane == "strain")
+    np.testing.assert_allclose(vm, getattr(fields, measure)(fields.tensor(stress, zz)), rtol=1e-13)
+
+
+def test_measure_in_the_plane_is_larger_under_pressure() -> None:
+    """vm^2 with sigma_zz = nu s, s = sx + sy, is that without it less nu (1 - nu) s^2: in plane strain a bar's end
+    that cannot contract has less von Mises stress than its components in the plane. In plane stress they are one."""
+    for plane, less in (("strain", True), ("stress", False)):
+        of = [
+            design_problem(cantilever(material=Material(1.0, 0.3, plane), objective=PNormStress(measure=measure)), 1.0)
+            for measure in ("von_mises", "von_mises_in_plane")
+        ]
+        with_zz, without = (each.analyse(density(6)).objective for each in of)
+        assert (with_zz < without) if less else (with_zz == without)
+
+
+def test_measure_is_checked() -> None:
+    with pytest.raises(InvalidScene, match="give one of von_mises, von_mises_in_plane"):
+        PNormStress(measure="tresca")  # type: ignore[arg-type]
 
 
 def test_l_bracket_start() -> None:

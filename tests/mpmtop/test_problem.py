@@ -92,11 +92,12 @@ def test_fingerprint_tells_problems_apart() -> None:
         fingerprint(penal=4.0),
         fingerprint(objective=PNormStress()),
         fingerprint(objective=PNormStress(p=20)),
+        fingerprint(objective=PNormStress(measure="von_mises_in_plane")),
         fingerprint(loads=(PointLoad((8.0, 0.0), (0.0, -1.0)),)),
         fingerprint(0.3),
         fingerprint(0.3, gimp),
     ]
-    assert len({*same, *different}) == 9
+    assert len({*same, *different}) == 10
 
 
 def test_densities_are_checked() -> None:

@@ -14,7 +14,7 @@ from mpmtop.material import von_mises
 from mpmtop.model import discretise
 from mpmtop.optimize import GCMMA, Iterate, Problem, UpdateRule, optimize
 from mpmtop.points import MaterialPoints, seed
-from mpmtop.scene import Scene
+from mpmtop.scene import PNormStress, Scene, StressMeasure
 from mpmtop.shape_functions import ShapeFunction, bspline2, bspline3, gimp, tent
 from reference_fem import elasticity, simp
 from validation.bodies.crossing import Crossing
@@ -72,7 +72,8 @@ class DensityProblem(Problem[Any], Protocol):
 class Analyser:
     """A method applied to a scene: its problem and its points.
 
-    `solid_von_mises` gives the stress (p,) that solid material would have under the strain of an evaluation.
+    `solid_von_mises` gives the stress (p,) that solid material would have under the strain of an evaluation, by the
+    measure of the scene's objective.
     """
 
     name: str
@@ -89,6 +90,11 @@ class Analyser:
     def design(self, rho: Array) -> Design:
         """A field on this method's points, physical densities in general."""
         return Design(self.x, self.half_length, rho)
+
+
+def stress_measure(scene: Scene) -> StressMeasure:
+    """Which von Mises stress the scene's objective is of; that with sigma_zz if it is of none."""
+    return scene.objective.measure if isinstance(scene.objective, PNormStress) else "von_mises"
 
 
 def no_stress(evaluation: Any) -> Array:
@@ -116,7 +122,7 @@ def material_points(
 
         def stress(evaluation: problem.Evaluation) -> Array:
             solid = np.full(len(evaluation.rho), scene.body.material.young)
-            return von_mises(model.stress(solid, evaluation.state.strain), scene.body.material)
+            return von_mises(model.stress(solid, evaluation.state.strain), scene.body.material, stress_measure(scene))
 
         design = problem.DesignProblem(model, scene.design, scene.objective, grid, filter_passive)
         return Analyser(name, scene, design, grid.x, grid.half_length, stress)
@@ -131,7 +137,7 @@ def finite_elements(scene: Scene) -> Analyser:
 
     def stress(evaluation: simp.Evaluation) -> Array:
         solid = np.full(len(evaluation.rho), scene.body.material.young)
-        return elasticity.von_mises(elasticity.stress(model, evaluation.u, solid))[:, 0]
+        return elasticity.von_mises(elasticity.stress(model, evaluation.u, solid), stress_measure(scene))[:, 0]
 
     return Analyser("FEM", scene, fem, model.centres, np.full_like(model.centres, SPACING / 2), stress)
 

@@ -115,13 +115,18 @@ class System:
         """
         unit = np.eye(3)
         pairs = [(unit[:, None] + sign * unit).reshape(9, 3) for sign in (1, -1)]
-        sums, differences = (von_mises(self.solid_stress(strain), self.material) ** 2 for strain in pairs)
+        sums, differences = (self.solid_von_mises(strain) ** 2 for strain in pairs)
         R = np.linalg.cholesky((sums - differences).reshape(3, 3) / 4).T
         return sp.csr_array(sp.kron(R, sp.eye_array(len(self.F))) @ self.strain)
 
-    def solid_stress(self, strain: Array) -> Array:
+    def solid_stress(self, strain: Numbers) -> Numbers:
         """Stresses (m, 3) of solid material under strains (m, 3)."""
         return self.material.young * strain @ tangent(self.material)
+
+    def solid_von_mises(self, strain: Numbers) -> Numbers:
+        """Von Mises stress (m,) of solid material under strains (m, 3), real or complex, by the objective's measure."""
+        measure = self.objective.measure if isinstance(self.objective, PNormStress) else "von_mises"
+        return von_mises(self.solid_stress(strain), self.material, measure)
 
 
 def material_points(problem: DesignProblem) -> System:
@@ -293,8 +298,8 @@ def _complex_steps(state: State) -> tuple[Array, Array]:
             return system.f, np.zeros_like(rho)
         case PNormStress(p, q):
             strain = (system.strain @ state.u).reshape(3, -1).T
-            stepped = system.solid_stress(strain[:, None] + 1j * STEP * np.eye(3))  # (p, 3, 3): one component each
-            vm = von_mises(stepped.reshape(-1, 3), system.material).reshape(-1, 3)
+            stepped = strain[:, None] + 1j * STEP * np.eye(3)  # (p, 3, 3): one component each
+            vm = system.solid_von_mises(stepped.reshape(-1, 3)).reshape(-1, 3)
             s = rho**q * vm[:, 0].real
             by_s = np.imag(_norm_after(s, s + 1j * STEP, p)) / STEP
             by_strain = (by_s * rho**q)[:, None] * vm.imag / STEP
