@@ -1,7 +1,7 @@
 """Density-based optimisation on a finite element model: design, SIMP, objective and gradient."""
 
 import hashlib
-from dataclasses import astuple, dataclass, field
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Literal, get_args
 
@@ -140,10 +140,10 @@ class DesignProblem:
         model, space, material, design = self.model, self.space, self.model.body.material, self.design
         numbers = (
             *(material.young, material.poisson, design.penal, design.contrast),
-            *(design.volume_fraction, design.rho_min, *astuple(self.objective)),
+            *(design.volume_fraction, design.rho_min),
         )
         said = (
-            type(self.objective).__name__,
+            repr(self.objective),
             material.plane,
             model.basis.Nbfun,
             self.stress_at,
