@@ -28,7 +28,7 @@ from mpmtop.transfer import Transfer, located
 
 def with_mean_dilatation(grid: Grid, points: MaterialPoints, transfer: Transfer) -> Transfer:
     """The same weights with B averaged over the cells; a point's stencil becomes that of all points of its cell."""
-    _, cell, _ = located(grid, points)
+    _, cell, _ = located(grid, points.x)
     own, row = transfer.touched, grid.nodes[1]
     from_cell = np.stack(np.divmod(transfer.nodes[transfer.stencil], row), axis=-1) - cell[:, None]
     first = from_cell[own].min(axis=0)

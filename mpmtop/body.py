@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 
 from mpmtop.errors import EmptyDomain, InvalidScene, LoadOutsideBody, UnsupportedBody
-from mpmtop.loads import PointLoad, RegionLoad
+from mpmtop.loads import Load, positions
 from mpmtop.region import Region
 
 
@@ -60,7 +60,7 @@ class Body:
 
     domain: Region
     supports: tuple[Support, ...]
-    loads: tuple[PointLoad | RegionLoad, ...] = ()
+    loads: tuple[Load, ...] = ()
     material: Material = field(default_factory=Material)
 
     def __post_init__(self) -> None:
@@ -72,7 +72,12 @@ class Body:
                 raise InvalidScene(f"{name} of a body: give a tuple, with a comma after a single one")
         if not self.supports:
             raise UnsupportedBody("the body has no support: add one")
-        tol = 1e-9 * float(np.max(upper - lower))
         for load in self.loads:
-            if isinstance(load, PointLoad) and not self.domain.contains(np.array([load.position]), tol)[0]:
-                raise LoadOutsideBody(f"load at {load.position} is outside the domain: move it into {lower} to {upper}")
+            if not hasattr(load, "act"):
+                raise InvalidScene(f"load {load!r}: give a `PointLoad`, `RegionLoad` or `PositionLoad`")
+        named = positions(self.loads)
+        outside = named[~self.domain.contains(named, 1e-9 * float(np.max(upper - lower)))]
+        if len(outside):
+            raise LoadOutsideBody(
+                f"load at {tuple(outside[0].tolist())} is outside the domain: move it into {lower} to {upper}"
+            )

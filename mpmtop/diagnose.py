@@ -151,7 +151,7 @@ def line_warning(grid: Grid, points: MaterialPoints, shape_function: ShapeFuncti
     """
     if shape_function is gimp:
         return None
-    xi, _, tol = located(grid, points)
+    xi, _, tol = located(grid, points.x)
     on = np.abs(xi - np.rint(xi)) <= tol
     if shape_function is not tent:
         on &= (xi <= xi.min(axis=0) + tol) | (xi >= xi.max(axis=0) - tol)

@@ -21,5 +21,9 @@ class PointOutsideGrid(ValueError):
     """A material point, or its domain, leaves the background grid."""
 
 
+class PositionOutsideBody(ValueError):
+    """A position where the functions have a node that no material point touches."""
+
+
 class NotConverged(RuntimeError):
     """An iteration ended before it met its tolerance."""

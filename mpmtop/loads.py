@@ -1,6 +1,13 @@
-"""Loads: forces, and which points or positions of a body they act on."""
+"""Loads: what acts where on a body of given points (or elements) and volumes.
 
+A load is an object with the one method `act`; one of one's own is as good as those here. Where it names the place that
+it acts at, its `position`, that place has to lie in the body.
+"""
+
+from collections.abc import Iterable
 from dataclasses import dataclass
+from numbers import Integral
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -9,12 +16,53 @@ from mpmtop.errors import InvalidScene, LoadOutsideBody
 from mpmtop.region import Region, finite_pair
 
 
+class Action(NamedTuple):
+    """Forces `carried` (k, 2) by points (k,), through their own functions, and forces `force` (n, 2) at positions
+    (n, 2) that belong to no point."""
+
+    points: Index
+    carried: Array
+    position: Array
+    force: Array
+
+    def places(self, x: Array) -> tuple[Array, Array]:
+        """Positions (k + n, 2) and forces of all, on a body with points at x (p, 2)."""
+        return np.concatenate([x[self.points], self.position]), np.concatenate([self.carried, self.force])
+
+
+class Load(Protocol):
+    """What a body is pulled by."""
+
+    def act(self, x: Array, volume: Array, tol: float) -> Action:
+        """What acts where on a body with points (or elements) at x (p, 2) of the given volumes (p,); lengths below
+        `tol` are rounding."""
+        ...
+
+
+def carried(points: Index, forces: Array) -> Action:
+    """Forces (k, 2) carried by points (k,) alone."""
+    return Action(points, forces, np.empty((0, 2)), np.empty((0, 2)))
+
+
+def action(loads: Iterable[Load], x: Array, volume: Array, tol: float) -> Action:
+    """What all loads do, in their order; arguments as for `Load.act`."""
+    nothing = carried(np.empty(0, np.intp), np.empty((0, 2)))
+    parts = zip(nothing, *(load.act(x, volume, tol) for load in loads), strict=True)
+    return Action(*(np.concatenate(part) for part in parts))
+
+
+def positions(loads: Iterable[Load]) -> Array:
+    """The places (n, 2) that loads name."""
+    named = [load.position for load in loads if hasattr(load, "position")]
+    return np.array(named, float).reshape(-1, 2)
+
+
 @dataclass(frozen=True)
 class PointLoad:
-    """Force (2,) at `position`, shared equally by the `points` material points nearest to it.
+    """Force (2,) shared equally by the `points` material points nearest to `position`, as in the paper.
 
-    With `points` = 0 no point carries it: it acts at the position itself, through bilinear functions of the grid or
-    the mesh's own.
+    The shares are equal whatever the points' sizes: where these differ near the position, the resultant leans to the
+    side of the smaller ones. `RegionLoad` shares by volume, `PositionLoad` acts at the position itself.
     """
 
     position: tuple[float, float]
@@ -22,16 +70,17 @@ class PointLoad:
     points: int = 6
 
     def __post_init__(self) -> None:
-        finite_pair("position of a load", self.position)
-        finite_pair("force", self.force)
-        if self.points < 0:
-            raise InvalidScene(f"point load shared by {self.points} points: give 0 or more")
+        object.__setattr__(self, "position", finite_pair("position of a load", self.position))
+        object.__setattr__(self, "force", finite_pair("force", self.force))
+        if not isinstance(self.points, Integral) or self.points < 1:
+            raise InvalidScene(
+                f"point load shared by {self.points} points: give a whole number of at least 1, or a `PositionLoad`, "
+                "which acts at the position itself"
+            )
 
-    def shares(self, x: Array, tol: float) -> tuple[Index, Array]:
-        """Indices (n,) of the points at x (p, 2) that carry the load, and the share of each (n,), of sum one.
-
-        Points at one distance, to `tol`, are alike: if there are more of them than shares left, all of them divide
-        what is left. The resultant is then as near to the position as can be, and a mirrored scene has a mirrored load.
+    def act(self, x: Array, volume: Array, tol: float) -> Action:
+        """Points at one distance, to `tol`, are alike: if there are more of them than shares left, all of them divide
+        what is left. The resultant is then as near to the position as can be, and a mirrored body has a mirrored load.
         """
         if self.points > len(x):
             raise LoadOutsideBody(
@@ -41,34 +90,47 @@ class PointLoad:
         last = np.partition(distance, self.points - 1)[self.points - 1]
         nearer, shell = np.flatnonzero(distance < last), np.flatnonzero(distance == last)
         left = (self.points - len(nearer)) / len(shell)
-        return np.append(nearer, shell), np.repeat([1.0, left], [len(nearer), len(shell)]) / self.points
+        share = np.repeat([1.0, left], [len(nearer), len(shell)]) / self.points
+        return carried(np.append(nearer, shell), np.outer(share, self.force))
 
-    def act(self, x: Array, tol: float) -> tuple[Array, Array]:
-        """Positions (n, 2) and forces (n, 2) of the load on a body with points (or elements) at x (p, 2)."""
-        if self.points == 0:
-            return np.array([self.position], float), np.array([self.force], float)
-        carriers, share = self.shares(x, tol)
-        return x[carriers], np.outer(share, self.force)
+
+@dataclass(frozen=True)
+class PositionLoad:
+    """Force (2,) at `position` itself, through the functions that the grid or the mesh has there.
+
+    Its energy grows without bound as these get finer: that of a force at a point of the plane is infinite.
+    """
+
+    position: tuple[float, float]
+    force: tuple[float, float]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "position", finite_pair("position of a load", self.position))
+        object.__setattr__(self, "force", finite_pair("force", self.force))
+
+    def act(self, x: Array, volume: Array, tol: float) -> Action:
+        """No point carries it."""
+        return Action(np.empty(0, np.intp), np.empty((0, 2)), np.array([self.position]), np.array([self.force]))
 
 
 @dataclass(frozen=True)
 class RegionLoad:
-    """Force (2,) shared equally by all material points in `region`."""
+    """Force (2,) shared by all material points in `region`, in proportion to their volumes.
+
+    It is then the same force per area on points of any sizes, and refining some of them does not move its resultant.
+    """
 
     region: Region
     force: tuple[float, float]
 
     def __post_init__(self) -> None:
-        finite_pair("force", self.force)
+        if not hasattr(self.region, "contains"):
+            raise InvalidScene(f"region of a load {self.region!r}: give a region, such as `Rectangle(lower, upper)`")
+        object.__setattr__(self, "force", finite_pair("force", self.force))
 
-    def shares(self, x: Array, tol: float) -> tuple[Index, Array]:
-        """Indices (n,) of the points at x (p, 2) in the region, and the share of each (n,), of sum one."""
+    def act(self, x: Array, volume: Array, tol: float) -> Action:
+        """Points whose positions the region holds."""
         inside = np.flatnonzero(self.region.contains(x, tol))
         if len(inside) == 0:
             raise LoadOutsideBody("the region of a load holds no material point: enlarge it or move it onto the body")
-        return inside, np.full(len(inside), 1 / len(inside))
-
-    def act(self, x: Array, tol: float) -> tuple[Array, Array]:
-        """Positions (n, 2) and forces (n, 2) of the load on a body with points (or elements) at x (p, 2)."""
-        carriers, share = self.shares(x, tol)
-        return x[carriers], np.outer(share, self.force)
+        return carried(inside, np.outer(volume[inside] / volume[inside].sum(), self.force))

@@ -1,8 +1,8 @@
 """Model: a body on a grid with material points, its loads and supports, and the operators made of them."""
 
 import warnings
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -11,17 +11,17 @@ from mpmtop.arrays import Array, Mask
 from mpmtop.b_bar import with_mean_dilatation
 from mpmtop.body import Body, Support
 from mpmtop.diagnose import ModelWarning, findings
-from mpmtop.errors import InvalidScene, LoadOutsideBody, UnsupportedBody
+from mpmtop.errors import InvalidScene, LoadOutsideBody, PositionOutsideBody, UnsupportedBody
 from mpmtop.ghost import GhostPenalty, ghost_penalty
 from mpmtop.grid import Grid
-from mpmtop.loads import PointLoad, RegionLoad
+from mpmtop.loads import Load, action
 from mpmtop.material import tangent
 from mpmtop.points import MaterialPoints, seed
 from mpmtop.region import divisions
-from mpmtop.shape_functions import ShapeFunction, tent
+from mpmtop.shape_functions import Ends, ShapeFunction, tent
 from mpmtop.solvers import Lattice, Pattern, Solver, choose_solver
 from mpmtop.stiffness import Stiffness, stiffness
-from mpmtop.transfer import Transfer, transfer, weights
+from mpmtop.transfer import Functions, Transfer, body_ends, functions_at, transfer
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +36,7 @@ class Model:
     grid: Grid
     points: MaterialPoints
     shape_function: ShapeFunction
+    ends: tuple[Ends, Ends]  # of the body [nodes], where B-splines end
     transfer: Transfer
     ghost: GhostPenalty
     stiffness: Stiffness
@@ -43,7 +44,8 @@ class Model:
     findings: tuple[ModelWarning, ...]  # how the model misleads about the body, see `mpmtop.diagnose`
 
     def __post_init__(self) -> None:
-        held = held_dofs(self.body.supports, self.grid.node_positions(self.transfer.nodes), 1e-9 * min(self.grid.h))
+        nodes = self.grid.node_positions(self.transfer.nodes)
+        held = held_dofs(self.body.supports, nodes, 1e-9 * min(self.grid.h))
         if np.any(held[self.stiffness.dof]) or len(held) - np.count_nonzero(held) != len(self.stiffness.dof):
             raise InvalidScene("the stiffness was made for other supports: discretise the body anew")
         if not np.array_equal(self.stiffness.D, self.D):
@@ -57,7 +59,16 @@ class Model:
     @cached_property
     def f_ext(self) -> Array:
         """Nodal forces (2a,) of the body's loads, held degrees of freedom included."""
-        return external_force(self.body.loads, self.grid, self.points, self.transfer)
+        return external_force(self.body.loads, self.grid, self.points, self.shape_function, self.ends, self.transfer)
+
+    def at(self, x: Array, half_length: Array | float = 0.0) -> Functions:
+        """The functions at positions x (k, 2) of the body, as at points with domains of `half_length` (k, 2) there.
+
+        Without a domain those of GIMP are the tent, which its field is made of. On the body's last grid line they are
+        those of the cell inside. A mean dilatation (B-bar) is of points and takes no part. Raises PositionOutsideBody
+        where no material point gives the nodes any stiffness.
+        """
+        return functions_at(self.grid, self.transfer.nodes, self.shape_function, self.ends, x, half_length)
 
     def stress(self, moduli: Array, strain: Array) -> Array:
         """Stresses (p, 3), Voigt, at the points with Young's moduli (p,): sigma_p = E_p D eps_p."""
@@ -106,20 +117,21 @@ def discretise(
     if grid is None:
         outside = np.maximum([lower - points.x.min(axis=0), points.x.max(axis=0) - upper], 0) / (hx, hy)
         grid = Grid.around(lower, upper, (hx, hy), margin=2 + int(np.ceil(outside.max())))
-    operators = transfer(grid, points, shape_function)
-    loads = external_force(body.loads, grid, points, operators)
-    found = findings(grid, points, operators, shape_function, body.supports, loads, seeded_in)
-    penalty = ghost_penalty(ghost, grid, points, operators, shape_function)
+    ends = body_ends(grid, points)
+    weighted = transfer(grid, points, shape_function, ends)
+    f_ext = external_force(body.loads, grid, points, shape_function, ends, weighted)
+    found = findings(grid, points, weighted, shape_function, body.supports, f_ext, seeded_in)
+    penalty = ghost_penalty(ghost, grid, points, weighted, shape_function)
     if b_bar:
         if body.material.plane == "stress":
             raise InvalidScene("b_bar: plane stress does not lock, and B-bar only makes it softer; leave it off")
-        operators = with_mean_dilatation(grid, points, operators)
-    held = held_dofs(body.supports, grid.node_positions(operators.nodes), 1e-9 * min(grid.h))
-    K = stiffness(grid, points, operators, tangent(body.material), held, penalty)
+        weighted = with_mean_dilatation(grid, points, weighted)
+    held = held_dofs(body.supports, grid.node_positions(weighted.nodes), 1e-9 * min(grid.h))
+    K = stiffness(grid, points, weighted, tangent(body.material), held, penalty)
     node, component = np.divmod(K.dof, 2)
-    lines = np.stack(np.divmod(operators.nodes[node], grid.nodes[1]), axis=-1)
+    lines = np.stack(np.divmod(weighted.nodes[node], grid.nodes[1]), axis=-1)
     chosen = solver(Pattern(len(K.dof), K.row, K.col, Lattice(grid.h, lines, component)))
-    model = Model(body, grid, points, shape_function, operators, penalty, K, chosen, found)
+    model = Model(body, grid, points, shape_function, ends, weighted, penalty, K, chosen, found)
     if body.loads and not np.any(model.f_ext[K.dof]):
         raise LoadOutsideBody(
             "the loads act on held nodes only: move them away from the supports, or make them nonzero"
@@ -130,25 +142,23 @@ def discretise(
 
 
 def external_force(
-    loads: tuple[PointLoad | RegionLoad, ...], grid: Grid, points: MaterialPoints, operators: Transfer
+    loads: Iterable[Load],
+    grid: Grid,
+    points: MaterialPoints,
+    shape_function: ShapeFunction,
+    ends: tuple[Ends, Ends],
+    operators: Transfer,
 ) -> Array:
-    """Nodal forces (2a,) of loads, p2g through the shape functions of the points that carry them."""
-    force = np.zeros((len(operators.nodes), 2))
-    tol = 1e-9 * min(grid.h)
-    for load in loads:
-        if isinstance(load, PointLoad) and load.points == 0:
-            position = replace(
-                points, x=np.array([load.position]), volume=points.volume[:1], half_length=points.half_length[:1]
-            )
-            node, _, N, _ = (w[0] for w in weights(grid, position, tent))
-            node, N = node[N != 0], N[N != 0]
-            if not np.all(np.isin(node, operators.nodes)):
-                raise LoadOutsideBody(f"load at {load.position}: no material point touches its nodes; move it inwards")
-            np.add.at(force, np.searchsorted(operators.nodes, node), N[:, None] * load.force)
-        else:
-            carriers, share = load.shares(points.x, tol)
-            force += np.outer(operators.N_matrix[carriers].T @ share, load.force)
-    return force.ravel()
+    """Nodal forces (2a,) of loads: p2g of what points carry, and by the functions there of what acts at positions.
+
+    LoadOutsideBody for a position where there is no material.
+    """
+    acts = action(loads, points.x, points.volume, 1e-9 * min(grid.h))
+    try:
+        at = functions_at(grid, operators.nodes, shape_function, ends, acts.position)
+    except PositionOutsideBody as error:
+        raise LoadOutsideBody(f"a load acts at {error}") from error
+    return (operators.N_matrix[acts.points].T @ acts.carried).ravel() + at.force(acts.force)
 
 
 def held_dofs(supports: tuple[Support, ...], position: Array, tol: float) -> Mask:

@@ -14,7 +14,6 @@ from mpmtop.design import Design, physical_densities
 from mpmtop.equilibrium import Equilibrium, equilibrium
 from mpmtop.errors import InvalidScene, LoadOutsideBody
 from mpmtop.filter import DensityFilter, DesignSpace, density_filter, design_space, passive_filter
-from mpmtop.loads import PointLoad
 from mpmtop.material import simp
 from mpmtop.model import Model, discretise
 from mpmtop.objectives import Objective, objective
@@ -78,11 +77,9 @@ class DesignProblem:
                 f"passive solid, with rho_min elsewhere, is {least * design.volume_fraction:.4f} of the volume and "
                 f"volume_fraction {design.volume_fraction}: raise it, or shrink passive_solid"
             )
+        points = self.model.points
         for load in self.model.body.loads:
-            if isinstance(load, PointLoad) and load.points == 0:
-                continue  # no point carries it, and the scene has looked at its position
-            carriers, _ = load.shares(self.model.points.x, 1e-9 * min(self.model.grid.h))
-            if np.any(np.isin(carriers, void)):
+            if np.any(np.isin(load.act(points.x, points.volume, 1e-9 * min(self.model.grid.h)).points, void)):
                 raise LoadOutsideBody(f"passive void would carry a part of {load}: move it, or lower its `points`")
 
     @cached_property

@@ -8,7 +8,7 @@ import numpy as np
 from mpmtop.body import Body
 from mpmtop.design import Design
 from mpmtop.errors import InvalidScene, LoadOutsideBody
-from mpmtop.loads import PointLoad
+from mpmtop.loads import positions
 
 StressMeasure = Literal["von_mises", "von_mises_in_plane"]
 """Von Mises stress with sigma_zz or without it; by the same names in `fields.SCALARS` and in exported files."""
@@ -67,6 +67,7 @@ def check_together(body: Body, design: Design, objective: Compliance | PNormStre
     if design.passive_void is None:
         return
     tol = 1e-9 * float(np.max(np.subtract(*body.domain.bounds[::-1])))
-    for load in body.loads:
-        if isinstance(load, PointLoad) and design.passive_void.contains(np.array([load.position]), -tol)[0]:
-            raise LoadOutsideBody(f"load at {load.position} is in the passive void: move it onto material")
+    named = positions(body.loads)
+    void = named[design.passive_void.contains(named, -tol)]
+    if len(void):
+        raise LoadOutsideBody(f"load at {tuple(void[0].tolist())} is in the passive void: move it onto material")

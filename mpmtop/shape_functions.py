@@ -45,16 +45,19 @@ class ShapeFunction(Protocol):
         ...
 
 
-def _in_cell(xi: Array, tol: float) -> tuple[Array, Array]:
-    """Half-open cell of each position, and the position in it, in [0, 1)."""
+def _in_cell(xi: Array, tol: float, ends: Ends | None) -> tuple[Array, Array]:
+    """Half-open cell of each position, and the position in it, in [0, 1); the last cell of a body with `ends` holds its
+    end, too, s = 1."""
     cell = np.floor(xi.real + tol)
+    if ends is not None:
+        cell = np.minimum(cell, ends[1] - 1)
     s = xi - cell
     return cell, np.where(s.real <= tol, 0.0, s)
 
 
 def tent(xi: Array, half_length: Array, tol: float = 0.0, ends: Ends | None = None) -> Stencil:
     """Standard piecewise linear function, Eq. (6); at a grid line the gradient is that of the cell on the right."""
-    cell, s = _in_cell(xi, tol)
+    cell, s = _in_cell(xi, tol, ends)
     one = np.ones_like(s)
     return Stencil(cell.astype(np.intp), np.stack([1 - s, s], axis=1), np.stack([-one, one], axis=1))
 
@@ -76,7 +79,8 @@ def gimp(xi: Array, half_length: Array, tol: float = 0.0, ends: Ends | None = No
     node = np.rint(xi.real)
     d = xi - node
     crosses = np.abs(d.real) < lp.real - tol
-    within, s = _in_cell(xi, tol)
+    lp = np.where(crosses, lp, 0.5)  # the others' is of no use, and that of a position is zero
+    within, s = _in_cell(xi, tol, ends)
 
     a, b = (lp - d) ** 2 / (4 * lp), (lp + d) ** 2 / (4 * lp)
     da, db = -(lp - d) / (2 * lp), (lp + d) / (2 * lp)
@@ -107,7 +111,7 @@ def bspline3(xi: Array, half_length: Array, tol: float = 0.0, ends: Ends | None 
 
     Source: as `bspline2`.
     """
-    cell, s = _in_cell(xi, tol)
+    cell, s = _in_cell(xi, tol, ends)
     r = 1 - s
     N = np.stack([r**3, 3 * s**3 - 6 * s**2 + 4, 3 * r**3 - 6 * r**2 + 4, s**3], axis=1) / 6
     grad_N = np.stack([-(r**2), 3 * s**2 - 4 * s, 4 * r - 3 * r**2, s**2], axis=1) / 2

@@ -9,14 +9,16 @@ Degrees of freedom are numbered 2 node + component over the nodes that some poin
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
 
 from mpmtop.arrays import Array, Index, Mask
+from mpmtop.errors import PositionOutsideBody
 from mpmtop.grid import Grid
 from mpmtop.points import MaterialPoints
-from mpmtop.shape_functions import ShapeFunction
+from mpmtop.shape_functions import Ends, ShapeFunction
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,25 +48,31 @@ class Transfer:
         return (self.B @ u).reshape(-1, 3)
 
 
-def located(grid: Grid, points: MaterialPoints) -> tuple[Array, Index, float]:
-    """Positions (p, 2) in units of cells, the half-open cells (p, 2) that hold them, and the tolerance [cells] to which
-    a position is on a grid line."""
-    xi = grid.cell_coordinates(points.x)
+def located(grid: Grid, x: Array) -> tuple[Array, Index, float]:
+    """Positions x (p, 2) in units of cells, the half-open cells (p, 2) that hold them, and the tolerance [cells] to
+    which a position is on a grid line."""
+    xi = grid.cell_coordinates(x)
     # what forming xi from x and the origin can lose, and never less than a test by hand would call equal
-    largest = max(float(np.abs(points.x).max()), *map(abs, grid.origin))
+    largest = max(float(np.max(np.abs(x), initial=0.0)), *map(abs, grid.origin))
     tol = max(1e-12, 8 * np.finfo(float).eps * largest / min(grid.h))
     return xi, np.floor(xi + tol).astype(int), tol
 
 
-def weights(grid: Grid, points: MaterialPoints, shape_function: ShapeFunction) -> tuple[Index, Mask, Array, Array]:
-    """Grid nodes (p, n), whether touched (p, n), N (p, n) and grad_N (p, n, 2) [1/length] of every point's stencil.
+def body_ends(grid: Grid, points: MaterialPoints) -> tuple[Ends, Ends]:
+    """The body's ends along each axis: those of the outermost cells that hold a point."""
+    cell = located(grid, points.x)[1]
+    (i0, j0), (i1, j1) = cell.min(axis=0), cell.max(axis=0) + 1
+    return (int(i0), int(i1)), (int(j0), int(j1))
 
-    The body's ends along an axis are those of the outermost cells that hold a point.
-    """
-    xi, cell, tol = located(grid, points)
-    length = points.half_length / grid.h
-    ends = np.stack([cell.min(axis=0), cell.max(axis=0) + 1], axis=1)
-    sx, sy = (shape_function(xi[:, a], length[:, a], tol, tuple(ends[a])) for a in (0, 1))
+
+def weights(
+    grid: Grid, x: Array, half_length: Array, shape_function: ShapeFunction, ends: tuple[Ends, Ends]
+) -> tuple[Index, Mask, Array, Array]:
+    """Grid nodes (p, n), whether touched (p, n), N (p, n) and grad_N (p, n, 2) [1/length] of the stencil of every
+    position x (p, 2) with a domain of half_length (p, 2), in a body of the given ends."""
+    xi, _, tol = located(grid, x)
+    length = half_length / grid.h
+    sx, sy = (shape_function(xi[:, a], length[:, a], tol, ends[a]) for a in (0, 1))
     hx, hy = grid.h
     n = sx.N.shape[1]
 
@@ -81,22 +89,72 @@ def weights(grid: Grid, points: MaterialPoints, shape_function: ShapeFunction) -
     return nodes, touched, N, grad_N
 
 
-def transfer(grid: Grid, points: MaterialPoints, shape_function: ShapeFunction) -> Transfer:
+def transfer(grid: Grid, points: MaterialPoints, shape_function: ShapeFunction, ends: tuple[Ends, Ends]) -> Transfer:
     """Operators of `points` on `grid`. A point whose stencil leaves the grid raises PointOutsideGrid."""
-    node, touched, N, grad_N = weights(grid, points, shape_function)
+    node, touched, N, grad_N = weights(grid, points.x, points.half_length, shape_function, ends)
     active, inverse = np.unique(node[touched], return_inverse=True)
     stencil = np.zeros_like(node)
     stencil[touched] = inverse
+    return Transfer(active, stencil, touched, N, grad_N, *operators(stencil, touched, N, grad_N, len(active)))
 
-    p, a = len(points.x), len(active)
+
+def operators(stencil: Index, touched: Mask, N: Array, grad_N: Array, a: int) -> tuple[sp.csr_array, sp.csr_array]:
+    """N (p, a) and B (3p, 2a) of weights on stencils (p, n) among a nodes."""
+    p, n = stencil.shape
     gx, gy = np.moveaxis(grad_N, -1, 0)
     # rows 3p, 3p+1, 3p+2: eps_xx = u_x,x; eps_yy = u_y,y; gamma_xy = u_x,y + u_y,x
-    shear = np.stack([gy, gx], axis=-1).reshape(p, -1)
-    both = (2 * stencil[:, :, None] + np.arange(2)).reshape(p, -1)
+    shear = np.stack([gy, gx], axis=-1).reshape(p, 2 * n)
+    both = (2 * stencil[:, :, None] + np.arange(2)).reshape(p, 2 * n)
     B = _rows(
         [(gx, 2 * stencil, touched), (gy, 2 * stencil + 1, touched), (shear, both, touched.repeat(2, axis=1))], 2 * a
     )
-    return Transfer(active, stencil, touched, N, grad_N, _rows([(N, stencil, touched)], a), B)
+    return _rows([(N, stencil, touched)], a), B
+
+
+class Functions(NamedTuple):
+    """Functions at k positions: u = N u (k, 2) for nodal u (a, 2), and strains B u (3k,) for u (2a,)."""
+
+    N: sp.csr_array
+    B: sp.csr_array
+
+    def displacement(self, u: Array) -> Array:
+        """(k, 2), of nodal displacements u (2a,)."""
+        return self.N @ u.reshape(-1, 2)
+
+    def strain(self, u: Array) -> Array:
+        """(k, 3), Voigt with engineering shear, of nodal displacements u (2a,)."""
+        return (self.B @ u).reshape(-1, 3)
+
+    def force(self, forces: Array) -> Array:
+        """Nodal forces (2a,) of forces (k, 2) at the positions."""
+        return (self.N.T @ forces).ravel()
+
+
+def functions_at(
+    grid: Grid,
+    nodes: Index,
+    shape_function: ShapeFunction,
+    ends: tuple[Ends, Ends],
+    x: Array,
+    half_length: Array | float = 0.0,
+) -> Functions:
+    """The functions of the active `nodes` (a,) at positions x (k, 2), as at points with domains of `half_length` there.
+
+    On the body's last grid line they are those of the cell inside. PositionOutsideBody where one has another node.
+    """
+    x = np.asarray(x, float).reshape(-1, 2)
+    xi, _, tol = located(grid, x)
+    first, last = np.transpose(ends)
+    inside = np.all((xi >= first - tol) & (xi <= last + tol), axis=1)
+    length = np.broadcast_to(np.asarray(half_length, float), x.shape)
+    node, touched, N, grad_N = weights(grid, x[inside], length[inside], shape_function, ends)
+    stencil = np.minimum(np.searchsorted(nodes, node), len(nodes) - 1)
+    inside[inside] = np.all((nodes[stencil] == node) | ~touched, axis=1)
+    if not np.all(inside):
+        raise PositionOutsideBody(
+            f"position {tuple(x[~inside][0].tolist())}: no material point touches its nodes; move it inwards"
+        )
+    return Functions(*operators(stencil, touched, N, grad_N, len(nodes)))
 
 
 def _rows(kinds: Sequence[tuple[Array, Index, Mask]], columns: int) -> sp.csr_array:

@@ -17,6 +17,7 @@ from skfem.quadrature import get_quadrature
 from mpmtop.arrays import Array, Index
 from mpmtop.body import Body, Material
 from mpmtop.errors import InvalidScene, LoadOutsideBody, NotConverged
+from mpmtop.loads import action
 from mpmtop.scene import StressMeasure
 from reference_fem.boundary import held_dofs, locate_in_lattice, locate_in_mesh, nodal_forces
 from reference_fem.factorise import Factorise, Solve, choose_elimination, minimum_degree_superlu
@@ -25,6 +26,7 @@ from reference_fem.mesh import (
     GEOMETRY_TOLERANCE,
     check_mesh,
     domain_lattice,
+    element_areas,
     element_centres,
     element_sides,
     shortest_side,
@@ -114,9 +116,7 @@ def discretise(
         locate, eliminate = ON_ANY_MESH
     basis = vector_basis(mesh, order)
     centres, tol = element_centres(mesh), GEOMETRY_TOLERANCE * shortest_side(mesh)
-    none = np.empty((0, 2)), np.empty((0, 2))
-    acts = zip(none, *(load.act(centres, tol) for load in body.loads), strict=True)
-    positions, forces = (np.concatenate(part) for part in acts)
+    positions, forces = action(body.loads, centres, element_areas(mesh), tol).places(centres)
     model = fem_model(body, basis, nodal_forces(basis, positions, forces, locate), eliminate)
     if body.loads and not np.any(np.abs(model.f_ext[model.free]) > LOAD_ROUNDING * np.abs(forces).sum()):
         raise LoadOutsideBody(

@@ -28,6 +28,12 @@ def element_sides(mesh: MeshQuad) -> Array:
     return (mesh.p[:, mesh.t[2]] - mesh.p[:, mesh.t[0]]).T
 
 
+def element_areas(mesh: MeshQuad) -> Array:
+    """Areas (e,) of the elements, which have straight sides: half the product of the diagonals."""
+    (ax, ay), (bx, by) = (mesh.p[:, mesh.t[i + 2]] - mesh.p[:, mesh.t[i]] for i in (0, 1))
+    return np.abs(ax * by - ay * bx) / 2
+
+
 def shortest_side(mesh: MeshQuad) -> float:
     """Length of the shortest of all sides of all elements."""
     corners = mesh.p[:, mesh.t]

@@ -13,7 +13,7 @@ from skfem import CellBasis
 from mpmtop.arrays import Array, Index
 from mpmtop.design import Design, physical_densities
 from mpmtop.errors import EmptyDomain, InvalidScene, LoadOutsideBody
-from mpmtop.loads import PointLoad, RegionLoad
+from mpmtop.loads import Load, action
 from mpmtop.scene import Compliance, PNormStress, Scene
 from reference_fem.boundary import nodal_forces
 from reference_fem.elasticity import FemModel, fem_model, solve, stress, von_mises
@@ -71,10 +71,10 @@ def build_judge(scene: Scene, x: Array, half_length: Array, split: int = 2, orde
     The lattice's pitch is the smallest full length over `split`. A cell belongs to the point whose rectangle holds its
     centre, in an overlap to the nearest in Chebyshev distance scaled by the half-lengths; a cell in none is absent.
 
-    Loads: a force that `load.act(x)` gives to a point is spread uniformly over that point's cells, so that it is the
+    Loads: a force that a point carries is spread uniformly over that point's cells, so that it is the
     same load on every mesh. Point forces would not do: the energy of a point force in the plane is infinite, the
     compliance would grow with the logarithm of 1/pitch. On one bilinear element per point the two are identical.
-    A `PointLoad` with `points=0` asks for the position itself and gets it, divergence included.
+    A `PositionLoad` asks for the position itself and gets it, divergence included.
 
     Raises InvalidScene, EmptyDomain, LoadOutsideBody and UnsupportedBody.
     """
@@ -88,7 +88,7 @@ def build_judge(scene: Scene, x: Array, half_length: Array, split: int = 2, orde
             f"no point's rectangle lies in the domain of {scene.name!r}: check positions and half-lengths"
         )
     basis = vector_basis(full.restrict(owned), order)
-    model = fem_model(scene.body, basis, _load(scene.body.loads, basis, x, owner[owned]))
+    model = fem_model(scene.body, basis, _load(scene.body.loads, basis, x, half_length, owner[owned]))
     return Judge(model, scene.design, scene.objective, owner[owned], len(x))
 
 
@@ -122,17 +122,12 @@ def owners(cells: Array, x: Array, half_length: Array) -> Index:
     return owner
 
 
-def _load(loads: tuple[PointLoad | RegionLoad, ...], basis: CellBasis, x: Array, owner: Index) -> Array:
-    """Load vector (N,) of loads on points x (p, 2), spread over the elements `owner` (e,) gives them."""
+def _load(loads: tuple[Load, ...], basis: CellBasis, x: Array, half_length: Array, owner: Index) -> Array:
+    """Load vector (N,) of loads on points x (p, 2), spread over the elements that `owner` (e,) gives them."""
     sides = element_sides(basis.mesh)
-    f = np.zeros(basis.N)
+    acts = action(loads, x, np.prod(2 * half_length, axis=1), GEOMETRY_TOLERANCE * float(sides.min()))
     force = np.zeros_like(x)
-    for load in loads:
-        at, part = load.act(x, GEOMETRY_TOLERANCE * float(sides.min()))
-        if isinstance(load, PointLoad) and load.points == 0:
-            f += nodal_forces(basis, at, part)
-        else:
-            np.add.at(force, cKDTree(x).query(at)[1], part)
+    np.add.at(force, acts.points, acts.carried)
     loaded = np.any(force != 0, axis=1)
     cells = np.bincount(owner, minlength=len(x))
     if np.any(loaded & (cells == 0)):
@@ -142,4 +137,5 @@ def _load(loads: tuple[PointLoad | RegionLoad, ...], basis: CellBasis, x: Array,
     element = np.flatnonzero(loaded[owner])
     share = (force / np.maximum(cells, 1)[:, None])[owner[element]] / len(GAUSS)
     gauss = element_centres(basis.mesh)[element, None] + GAUSS * sides[element, None]
-    return f + nodal_forces(basis, gauss.reshape(-1, 2), np.repeat(share, len(GAUSS), axis=0))
+    position, at = np.concatenate([acts.position, gauss.reshape(-1, 2)]), np.repeat(share, len(GAUSS), axis=0)
+    return nodal_forces(basis, position, np.concatenate([acts.force, at]))

@@ -28,7 +28,7 @@ from mpmtop.grid import Grid
 from mpmtop.large_deformation.background import Background, background
 from mpmtop.large_deformation.kinematics import Domains
 from mpmtop.large_deformation.law import Hencky, Law
-from mpmtop.loads import PointLoad, RegionLoad
+from mpmtop.loads import action
 from mpmtop.points import MaterialPoints, seed
 from mpmtop.shape_functions import ShapeFunction, bspline2, gimp, tent
 
@@ -133,18 +133,17 @@ def _refuse(
         raise InvalidScene(
             f"law with Poisson's ratio {law.poisson} for a material of {body.material.poisson}: give both the same"
         )
-    for load in body.loads:
-        if not isinstance(load, PointLoad | RegionLoad) or (isinstance(load, PointLoad) and load.points == 0):
-            raise InvalidScene(
-                f"{load} in large deformation: only points carry loads with them; give it points to act on"
-            )
 
 
 def _forces(body: Body, grid: Grid, points: MaterialPoints) -> Array:
+    acts = action(body.loads, points.x, points.volume, 1e-9 * min(grid.h))
+    if len(acts.position):
+        raise InvalidScene(
+            f"a load at {tuple(acts.position[0].tolist())} in large deformation: only points carry loads with them; "
+            "give it points to act on, by `PointLoad` or `RegionLoad`"
+        )
     force = np.zeros_like(points.x)
-    for load in body.loads:
-        carriers, share = load.shares(points.x, 1e-9 * min(grid.h))
-        np.add.at(force, carriers, np.outer(share, load.force))
+    np.add.at(force, acts.points, acts.carried)
     if not np.any(force):
         raise LoadOutsideBody("the loads are zero: give a force")
     return force

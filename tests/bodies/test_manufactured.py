@@ -10,7 +10,7 @@ from mpmtop.model import discretise
 from mpmtop.points import seed
 from mpmtop.region import Rectangle
 from mpmtop.shape_functions import ShapeFunction, bspline2, bspline3, gimp, tent
-from mpmtop.transfer import transfer
+from mpmtop.transfer import body_ends, transfer
 from validation.bodies.crossing import Uniform
 from validation.bodies.manufactured import (
     CURVATURE,
@@ -70,7 +70,7 @@ def test_coefficients_approximate_at_the_order_of_the_space(function: ShapeFunct
     def error(side: int) -> float:
         points = seed(Rectangle((0.0, 0.0), (side, side)), (0.2, 0.2))
         grid = Grid.around(np.zeros(2), np.full(2, side), (1.0, 1.0))
-        N = transfer(grid, points, function)
+        N = transfer(grid, points, function, body_ends(grid, points))
         c = coefficients(grid.node_positions(N.nodes), side, CURVATURE.get(function, 0.0))
         inside = np.all((points.x > 2) & (points.x < side - 2), axis=1)  # away from the functions closed at the ends
         return float(np.abs(N.N_matrix @ c - exact(points.x, side).u)[inside].max())

@@ -6,7 +6,7 @@ from scipy.spatial import KDTree
 
 from mpmtop.body import Material
 from mpmtop.equilibrium import equilibrium
-from mpmtop.loads import PointLoad, RegionLoad
+from mpmtop.loads import PointLoad, PositionLoad, RegionLoad
 from mpmtop.model import discretise
 from mpmtop.objectives import compliance
 from mpmtop.points import to_gauss_points
@@ -25,7 +25,7 @@ def test_gauss_point_mpm_is_q1(plane: str, h: float | tuple[float, float]) -> No
 
     That to 1e-12 at h = 1; on the finer, flatter cells the condition number is ten times as large.
     """
-    load = PointLoad((8.0, 2.0), (0.3, -1.0), points=0)
+    load = PositionLoad((8.0, 2.0), (0.3, -1.0))
     scene = cantilever(load=load, material=Material(2.0, 0.3, plane))  # type: ignore[arg-type]
     points = to_gauss_points(discretise(scene.body, h).points)
     model = discretise(scene.body, h, points=points)
@@ -55,7 +55,7 @@ def test_kratos() -> None:
     """
     y = 0.25 + 0.5 * np.arange(40)
     scene = cantilever(40, 20, material=Material(1e6, 0.3))
-    loads = tuple(PointLoad((39.75, float(b)), (0.0, -1 / 40), points=0) for b in y)
+    loads = tuple(PositionLoad((39.75, float(b)), (0.0, -1 / 40)) for b in y)
     scene = changed(scene, loads=loads)
     points = to_gauss_points(discretise(scene.body, 1.0).points)
     model = discretise(scene.body, 1.0, points=points)
@@ -66,8 +66,9 @@ def test_kratos() -> None:
 def test_load_at_a_position_equals_load_by_points() -> None:
     """Through the shape functions at the carriers' positions the load is the same, whichever way it is said."""
     shared = PointLoad((8.0, 2.0), (0.0, -1.0))
-    x, force = shared.act(discretise(cantilever().body, 1.0).points.x, 1e-9)
-    placed = tuple(PointLoad(tuple(a), tuple(f), points=0) for a, f in zip(x.tolist(), force.tolist(), strict=True))
+    points = discretise(cantilever().body, 1.0).points
+    x, force = shared.act(points.x, points.volume, 1e-9).places(points.x)
+    placed = tuple(PositionLoad(tuple(a), tuple(f)) for a, f in zip(x.tolist(), force.tolist(), strict=True))
     one, other = (discretise(cantilever(loads=loads).body, 1.0).f_ext for loads in ((shared,), placed))
     np.testing.assert_allclose(one, other, atol=1e-15)
     assert one.reshape(-1, 2).sum(axis=0) == pytest.approx([0, -1], abs=1e-15)

@@ -10,7 +10,7 @@ import pytest
 from mpmtop.arrays import Array, Mask
 from mpmtop.body import Material
 from mpmtop.errors import InvalidScene, LoadOutsideBody
-from mpmtop.loads import PointLoad
+from mpmtop.loads import PointLoad, PositionLoad
 from mpmtop.model import discretise
 from mpmtop.optimize import GCMMA, optimize
 from mpmtop.points import seed
@@ -92,10 +92,10 @@ def test_a_length_that_does_not_divide_is_refused_by_both(typed: float) -> None:
 
 
 IDLE = {
-    "on the clamp": (PointLoad((0, 2), (0, -1), points=0),),
+    "on the clamp": (PositionLoad((0, 2), (0, -1)),),
     "zero": (PointLoad((8, 2), (0, 0)),),
     "in balance": (PointLoad((8, 2), (0, -1)), PointLoad((8, 2), (0, 1))),
-    "in balance but for rounding": tuple(PointLoad((8, 2), (0, f), points=0) for f in (0.1, 0.2, -0.3)),
+    "in balance but for rounding": tuple(PositionLoad((8, 2), (0, f)) for f in (0.1, 0.2, -0.3)),
 }
 
 
@@ -106,7 +106,7 @@ def test_elements_refuse_loads_that_do_no_work(loads: tuple[PointLoad, ...]) -> 
 
 
 def test_a_small_load_beside_a_large_idle_one_works() -> None:
-    clamped, tip = PointLoad((0, 2), (0, -1e9), points=0), PointLoad((8, 2), (0, -1), points=0)
+    clamped, tip = PositionLoad((0, 2), (0, -1e9)), PositionLoad((8, 2), (0, -1))
     both, alone = (design_problem(cantilever(loads=loads), 0.5) for loads in ((clamped, tip), (tip,)))
     assert both.evaluate(both.x0).objective == alone.evaluate(alone.x0).objective
 

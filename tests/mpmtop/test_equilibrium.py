@@ -11,7 +11,7 @@ from mpmtop.body import Material, Support
 from mpmtop.equilibrium import Solution, checked_solve, equilibrium
 from mpmtop.errors import LoadOutsideBody, NotConverged, UnsupportedBody
 from mpmtop.grid import Grid
-from mpmtop.loads import PointLoad, RegionLoad
+from mpmtop.loads import PointLoad, PositionLoad, RegionLoad
 from mpmtop.model import Model, discretise
 from mpmtop.objectives import compliance, compliance_gradient
 from mpmtop.points import MaterialPoints, to_gauss_points
@@ -129,7 +129,7 @@ def test_patch_uneven_points() -> None:
 def test_uniaxial_tension_is_exact() -> None:
     """Patch test of the solution: a consistent end traction gives the linear displacement of uniaxial plane stress."""
     ends = tuple(
-        PointLoad((6.0, float(j)), (1.0 if 0 < j < 3 else 0.5, 0.0), points=0) for j in range(4)
+        PositionLoad((6.0, float(j)), (1.0 if 0 < j < 3 else 0.5, 0.0)) for j in range(4)
     )  # unit traction on the nodes of the right edge
     rollers = (
         LEFT_CLAMP.__class__(LEFT_CLAMP.region, (True, False)),
@@ -212,7 +212,7 @@ def test_misplaced_loads_and_supports_are_named() -> None:
     with pytest.raises(LoadOutsideBody, match="no material point"):
         discretise(cantilever(load=RegionLoad(Rectangle((20, 0), (21, 4)), (0.0, -1.0))).body, 1.0)
     with pytest.raises(LoadOutsideBody, match="held nodes only"):
-        discretise(cantilever(load=PointLoad((0.0, 2.0), (0.0, -1.0), points=0)).body, 1.0)
+        discretise(cantilever(load=PositionLoad((0.0, 2.0), (0.0, -1.0))).body, 1.0)
     with pytest.raises(LoadOutsideBody, match="lower `points`"):
         discretise(cantilever(1, 1, load=PointLoad((1.0, 0.5), (0.0, -1.0), points=6)).body, 1.0)
     with pytest.raises(ValueError, match="densities"):

@@ -16,7 +16,7 @@ from mpmtop.problem import DesignProblem, design_problem, plan
 from mpmtop.region import Circle, Difference, Rectangle
 from mpmtop.scene import Compliance, PNormStress
 from mpmtop.shape_functions import ShapeFunction, bspline2, bspline3, gimp, tent
-from mpmtop.transfer import transfer
+from mpmtop.transfer import body_ends, transfer
 from tests.scenes import LEFT_CLAMP, cantilever
 from validation.measures.conditioning import condition
 
@@ -123,7 +123,7 @@ def test_volumes_in_cells(shape_function: ShapeFunction, shift: float, h: tuple[
     """Against the overlap of rectangles, and for the tent the cell that a point is in."""
     points = discretise(cantilever(domain=HOLE).body, 1.0).points.moved((shift, -shift))
     grid = Grid((-2, -2), h, (13, 9))
-    cell, volume = cell_volumes(grid, points, transfer(grid, points, shape_function))
+    cell, volume = cell_volumes(grid, points, transfer(grid, points, shape_function, body_ends(grid, points)))
     corner = grid.node_positions(cell)
     half = points.half_length if shape_function is gimp else np.full_like(points.half_length, 1e-12)
     low = np.maximum(points.x - half, corner[:, None])

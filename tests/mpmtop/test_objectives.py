@@ -12,7 +12,7 @@ from mpmtop.body import Body, Material, Support
 from mpmtop.design import Design
 from mpmtop.equilibrium import equilibrium
 from mpmtop.errors import InvalidScene
-from mpmtop.loads import PointLoad
+from mpmtop.loads import PointLoad, PositionLoad
 from mpmtop.material import von_mises, von_mises_form
 from mpmtop.model import discretise
 from mpmtop.objectives import p_norm_stress, p_norm_stress_gradient
@@ -60,7 +60,7 @@ def test_gradient_has_a_second_order_remainder(
 
 def test_uniform_stress_in_closed_form() -> None:
     """A bar in uniaxial plane stress: every point carries the unit stress, so J = (points)^(1/p) rho^(q - penal)."""
-    ends = tuple(PointLoad((6.0, float(j)), (1.0 if 0 < j < 3 else 0.5, 0.0), points=0) for j in range(4))
+    ends = tuple(PositionLoad((6.0, float(j)), (1.0 if 0 < j < 3 else 0.5, 0.0)) for j in range(4))
     rollers = (Support(LEFT_CLAMP.region, (True, False)), Support(Rectangle((0, 0), (0, 0)), (False, True)))
     scene = cantilever(
         6, 3, supports=rollers, loads=ends, material=Material(2.0, 0.25, "stress"), objective=PNormStress(12, 0.5)
@@ -89,7 +89,7 @@ def test_neither_overflow_nor_underflow(p: float, force: float) -> None:
 
 def test_points_without_stress_or_density_do_no_harm() -> None:
     """A load between the clamp and a free end leaves the end without stress; some densities are zero, too."""
-    scene = cantilever(load=PointLoad((4.0, 2.0), (0.0, -1.0), points=0), objective=PNormStress(), rho_min=0.0)
+    scene = cantilever(load=PositionLoad((4.0, 2.0), (0.0, -1.0)), objective=PNormStress(), rho_min=0.0)
     design = design_problem(scene, 1.0)
     rho = np.where(np.random.default_rng(3).random(128) < 0.2, 0.0, 1.0)
     at = design.analyse(rho)

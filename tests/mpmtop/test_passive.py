@@ -6,7 +6,7 @@ import pytest
 from mpmtop.arrays import Array
 from mpmtop.errors import EmptyDomain, InvalidScene, LoadOutsideBody
 from mpmtop.filter import density_filter
-from mpmtop.loads import PointLoad, RegionLoad
+from mpmtop.loads import PointLoad, PositionLoad, RegionLoad
 from mpmtop.model import discretise
 from mpmtop.optimize import GCMMA, MMA, OptimalityCriteria, UpdateRule, optimize
 from mpmtop.problem import DesignProblem, design_problem, plan
@@ -262,5 +262,5 @@ def test_feasible_to_the_last_point() -> None:
     """Solid at the bound itself leaves the least density; a load on the void's edge is on material."""
     p = problem(solid=Rectangle((0, 0), (3, 4)), void=None, volume_fraction=0.375, rho_min=0.0)
     np.testing.assert_allclose(p.x0, 0, atol=1e-15)
-    edge: Scene = cantilever(passive_void=HOLE, loads=(PointLoad((4, 3.1), (0, -1), points=0),))
+    edge: Scene = cantilever(passive_void=HOLE, loads=(PositionLoad((4, 3.1), (0, -1)),))
     assert np.isfinite(design_problem(edge, 1.0).evaluate(np.full(112, 0.5)).objective)

@@ -67,8 +67,9 @@ def test_parts_refuse() -> None:
         Support(Rectangle((0, 0), (1, 1)), (True,))  # type: ignore[arg-type]
     with pytest.raises(InvalidScene, match="finite numbers"):
         PointLoad((0, 0), (NAN, 1))
-    with pytest.raises(InvalidScene, match="0 or more"):
-        PointLoad((0, 0), (0, 1), points=-1)
+    for points in (-1, 0, 2.5):
+        with pytest.raises(InvalidScene, match="PositionLoad"):
+            PointLoad((0, 0), (0, 1), points=points)  # type: ignore[arg-type]
     with pytest.raises(InvalidScene, match="finite numbers"):
         RegionLoad(Rectangle((0, 0), (1, 1)), (np.inf, 0))
 
@@ -115,7 +116,7 @@ def test_seeding_tiles_the_domain(ppc: int | tuple[int, int], count: int) -> Non
 def test_six_nearest_points() -> None:
     """At mid-height the six nearest of a 2 x 2 lattice are two in the last column and their neighbours, by symmetry."""
     x = discretise(cantilever(8, 4).body, 1.0).points.x
-    at, force = PointLoad((8, 2), (0, -1)).act(x, 1e-9)
+    at, force = PointLoad((8, 2), (0, -1)).act(x, np.ones(len(x)), 1e-9).places(x)
     expected = {(7.75, 1.75), (7.75, 2.25), (7.25, 1.75), (7.25, 2.25), (7.75, 1.25), (7.75, 2.75)}
     assert set(map(tuple, at)) == expected
     np.testing.assert_allclose(force, [[0, -1 / 6]] * 6, rtol=1e-15)
@@ -127,13 +128,13 @@ def test_load_is_shared_by_whole_shells(position: tuple[float, float], points: i
     """The whole force acts, rounding of positions changes nothing, and a mirrored scene has the mirrored load."""
     x = discretise(cantilever(8, 4).body, 1.0).points.x
     load = PointLoad(position, (0.3, -1.0), points)
-    at, force = load.act(x, 1e-9)
+    at, force = load.act(x, np.ones(len(x)), 1e-9).places(x)
     np.testing.assert_allclose(force.sum(axis=0), [0.3, -1.0], rtol=1e-14)
     jittered = x + np.random.default_rng(0).uniform(-1e-13, 1e-13, x.shape)
-    assert set(load.shares(x, 1e-9)[0]) == set(load.shares(jittered, 1e-9)[0])
+    assert set(load.act(x, np.ones(len(x)), 1e-9).points) == set(load.act(jittered, np.ones(len(x)), 1e-9).points)
     mirror = np.array([8.0, 0.0])
     mirrored = PointLoad((8 - position[0], position[1]), (-0.3, -1.0), points)
-    there, other = mirrored.act(mirror + [-1, 1] * x, 1e-9)
+    there, other = mirrored.act(mirror + [-1, 1] * x, np.ones(len(x)), 1e-9).places(mirror + [-1, 1] * x)
     ours = {(*np.round(a, 9), *np.round(f, 12)) for a, f in zip(at, force, strict=True)}
     theirs = {
         (*np.round(mirror + [-1, 1] * a, 9), *np.round([-1, 1] * f, 12)) for a, f in zip(there, other, strict=True)

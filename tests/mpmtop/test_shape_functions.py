@@ -13,7 +13,7 @@ from mpmtop.material import tangent, von_mises
 from mpmtop.points import MaterialPoints, seed
 from mpmtop.region import Rectangle
 from mpmtop.shape_functions import ShapeFunction, bspline2, bspline3, gimp, tent
-from mpmtop.transfer import transfer
+from mpmtop.transfer import body_ends, transfer
 from tests.scenes import SHAPE_FUNCTIONS
 
 ALL = pytest.mark.parametrize("shape_function", SHAPE_FUNCTIONS, ids=lambda f: f.__name__)
@@ -37,7 +37,7 @@ def test_unity_gradients_and_linear_fields(shape_function: ShapeFunction, h: tup
     rng = np.random.default_rng(0)
     points = cloud(rng, h)
     grid = Grid((-2 * h[0], -2 * h[1]), h, (8, 8))
-    operators = transfer(grid, points, shape_function)
+    operators = transfer(grid, points, shape_function, body_ends(grid, points))
     x = grid.node_positions()[operators.nodes]
 
     one = operators.N_matrix @ np.ones(len(x))
@@ -57,7 +57,7 @@ def test_unity_gradients_and_linear_fields(shape_function: ShapeFunction, h: tup
 def test_rigid_motion_has_no_stress(shape_function: ShapeFunction) -> None:
     points = cloud(np.random.default_rng(1), (1.0, 1.0))
     grid = Grid((-2, -2), (1.0, 1.0), (8, 8))
-    operators = transfer(grid, points, shape_function)
+    operators = transfer(grid, points, shape_function, body_ends(grid, points))
     x, y = grid.node_positions()[operators.nodes].T
     rotation = np.stack([-y, x], axis=1).ravel() + 3.0
     np.testing.assert_allclose(operators.strain(rotation), 0, atol=5 * TOL)
@@ -133,9 +133,9 @@ def test_half_open_cells() -> None:
 def test_point_outside_grid_is_named() -> None:
     points = seed(Rectangle((0, 0), (2, 2)), (0.5, 0.5))
     with pytest.raises(PointOutsideGrid, match="enlarge the grid"):
-        transfer(Grid((0, 0), (1, 1), (2, 1)), points, tent)
+        transfer(grid := Grid((0, 0), (1, 1), (2, 1)), points, tent, body_ends(grid, points))
     with pytest.raises(PointOutsideGrid):  # GIMP's domain reaches one cell further than its point
-        transfer(Grid((0, 0), (1, 1), (2, 2)), points.moved((0.1, 0.0)), gimp)
+        transfer(grid := Grid((0, 0), (1, 1), (2, 2)), points.moved((0.1, 0.0)), gimp, body_ends(grid, points))
 
 
 @pytest.mark.parametrize("bspline", [bspline2, bspline3], ids=lambda f: f.__name__)
@@ -184,11 +184,12 @@ def test_rounding_does_not_choose_the_cell(
 ) -> None:
     """Points moved onto grid lines, and domains that end on one, touch the same nodes in any unit and place."""
     exact = seed(Rectangle((0, 0), (4, 2)), (1 / 3, 1 / 3) if place == 1 / 6 else (0.5, 0.5)).moved((place, place))
-    reference = transfer(Grid((-2, -2), (1, 1), (9, 7)), exact, shape_function)
+    unit = Grid((-2, -2), (1, 1), (9, 7))
+    reference = transfer(unit, exact, shape_function, body_ends(unit, exact))
     origin = np.array([offset * h, -offset * h])
     scaled = MaterialPoints(exact.x * h + origin, exact.volume * h**2, exact.half_length * h)
     grid = Grid(tuple(np.array([-2.0, -2.0]) * h + origin), (h, h), (9, 7))  # type: ignore[arg-type]
-    moved = transfer(grid, scaled, shape_function)
+    moved = transfer(grid, scaled, shape_function, body_ends(grid, scaled))
     np.testing.assert_array_equal(moved.nodes, reference.nodes)
     # positions at 1e6 h are given to 1e-10 h only
     difference = abs(moved.N_matrix - reference.N_matrix).max()

@@ -26,7 +26,7 @@ from mpmtop.arrays import Array
 from mpmtop.body import Body, Material, Support
 from mpmtop.design import Design
 from mpmtop.errors import InvalidScene, LoadOutsideBody, UnsupportedBody
-from mpmtop.loads import PointLoad, RegionLoad
+from mpmtop.loads import PointLoad, PositionLoad, RegionLoad
 from mpmtop.optimize import GCMMA, optimize
 from mpmtop.region import Circle, Difference, Rectangle
 from mpmtop.scene import Compliance, PNormStress, Scene
@@ -204,7 +204,7 @@ def test_patch(order: int, plane: Plane) -> None:
 @orders
 def test_equals_plain_scikit_fem(order: int, plane: Plane) -> None:
     """With the same Gauss rule, what asm, condense and solve give; finer rules change little."""
-    scene = cantilever(PointLoad((45, 30), (0.5, -1), points=0), material=Material(7.0, 0.3, plane))
+    scene = cantilever(PositionLoad((45, 30), (0.5, -1)), material=Material(7.0, 0.3, plane))
     mesh = plate(1.5 * order)
     model = discretise(scene.body, order=order, mesh=mesh)
     assert model.factorise is minimum_degree_superlu

@@ -6,7 +6,7 @@ import pytest
 from mpmtop.arrays import Array
 from mpmtop.errors import EmptyDomain, InvalidScene, LoadOutsideBody
 from mpmtop.filter import DesignSpace, passive_filter
-from mpmtop.loads import PointLoad, RegionLoad
+from mpmtop.loads import PointLoad, PositionLoad, RegionLoad
 from mpmtop.optimize import GCMMA, optimize
 from mpmtop.points import MaterialPoints
 from mpmtop.region import Circle, Difference, Rectangle, Region
@@ -216,5 +216,5 @@ def test_feasible_to_the_last_element() -> None:
     """Solid at the bound itself leaves the least density; a load on the void's edge is on material."""
     p = problem(Rectangle((0, 0), (3, 4)), None, volume_fraction=0.375, rho_min=0.0)
     assert p.x0 == pytest.approx(0, abs=1e-15)
-    edge: Scene = cantilever(passive_void=HOLE, loads=(PointLoad((4, 3.1), (0, -1), points=0),))
+    edge: Scene = cantilever(passive_void=HOLE, loads=(PositionLoad((4, 3.1), (0, -1)),))
     assert np.isfinite(design_problem(edge, 0.5).evaluate(np.full(112, 0.5)).objective)

@@ -16,7 +16,7 @@ from mpmtop.arrays import Array, Index, Mask
 from mpmtop.body import Body, Material, Support
 from mpmtop.design import Design
 from mpmtop.errors import EmptyDomain, InvalidScene, LoadOutsideBody, NotConverged, UnsupportedBody
-from mpmtop.loads import PointLoad, RegionLoad
+from mpmtop.loads import Action, PointLoad, PositionLoad, RegionLoad, action
 from mpmtop.region import Rectangle
 from mpmtop.scene import Scene
 from reference_fem import elasticity, factorise
@@ -46,7 +46,7 @@ def mbb() -> Scene:
             Support(Rectangle((0, 0), (0, 20)), fixed=(True, False)),
             Support(Rectangle((60, 0), (60, 0)), fixed=(False, True)),
         ),
-        (PointLoad((0, 20), (0, -1), points=0),),
+        (PositionLoad((0, 20), (0, -1)),),
         Material(young=1.0, poisson=0.3, plane="stress"),
     )
     return Scene("half MBB", body, Design(0.5, 2.4, rho_min=0.0))
@@ -68,8 +68,8 @@ class FixedPositions:
 
     x: Array
 
-    def act(self, x: Array, tol: float) -> tuple[Array, Array]:
-        return self.x, np.tile([0, -1 / len(self.x)], (len(self.x), 1))
+    def act(self, x: Array, volume: Array, tol: float) -> Action:
+        return action([PositionLoad(tuple(at), (0, -1 / len(self.x))) for at in self.x], x, volume, tol)
 
 
 def densities(n: int, seed: int = 1) -> Array:
@@ -84,7 +84,7 @@ def densities(n: int, seed: int = 1) -> Array:
 def test_equals_plain_scikit_fem(order: int, plane: Plane) -> None:
     """The map, the order of elimination and the own solve give what asm, condense and solve give."""
     material = Material(young=7.0, poisson=0.3, plane=plane)
-    scene = cantilever(PointLoad((40, 20), (0.5, -1), points=0), material=material)
+    scene = cantilever(PositionLoad((40, 20), (0.5, -1)), material=material)
     model = discretise(scene.body, 1.0 if order == 2 else 0.5, order)
     young = 7 * densities(len(model.area)) ** 3
     u = solve(model, young)
@@ -463,11 +463,11 @@ def test_judge_keeps_the_load() -> None:
 
 
 def test_judge_spreads_or_concentrates() -> None:
-    """Spread over a biquadratic element, a force enters with the integrals of its functions; points=0, at a node."""
+    """Spread over a biquadratic element, a force enters with the integrals of its functions; at a node, there."""
     x, half = points(2.0)
     spread = build_judge(cantilever(PointLoad((39, 11), (0, -36), points=1)), x, half, split=1).model.f_ext
     assert np.sort(spread[spread != 0]) == pytest.approx([-16, *4 * [-4], *4 * [-1]], abs=1e-12)  # Simpson's weights
-    at_node = build_judge(cantilever(PointLoad((39, 11), (0, -36), points=0)), x, half, split=1).model.f_ext
+    at_node = build_judge(cantilever(PositionLoad((39, 11), (0, -36))), x, half, split=1).model.f_ext
     assert np.sort(at_node)[:2] == pytest.approx([-36, 0], abs=1e-12)  # functions of size 1 at other nodes: rounding
 
 

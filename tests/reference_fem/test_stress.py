@@ -11,7 +11,7 @@ from mpmtop.arrays import Array
 from mpmtop.body import Body, Material, Support
 from mpmtop.design import Design
 from mpmtop.errors import InvalidScene
-from mpmtop.loads import PointLoad
+from mpmtop.loads import PointLoad, PositionLoad
 from mpmtop.region import Difference, Rectangle
 from mpmtop.scene import Compliance, PNormStress, Scene, StressMeasure
 from reference_fem import elasticity
@@ -44,7 +44,7 @@ def bar(plane: Plane = "stress", sides: int = 2) -> Scene:
     body = Body(
         Rectangle((0, 0), (8, 2)),
         (Support(Rectangle((0, 0), (0, 2)), (True, False)), Support(Rectangle((0, 0), (0, 0)))),
-        tuple(PointLoad((8.0, float(b)), (3.0 / sides, 0.0), points=0) for b in y),
+        tuple(PositionLoad((8.0, float(b)), (3.0 / sides, 0.0)) for b in y),
         Material(5.0, 0.3, plane),
     )
     return Scene("bar", body, Design(0.4, 0.5), PNormStress())

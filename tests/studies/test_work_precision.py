@@ -23,7 +23,6 @@ from validation.bodies.beam import (
 from validation.bodies.cook import cook_elements
 from validation.bodies.crossing import Periodic, Uniform, points_model
 from validation.measures.outcome import Measure, Outcome, stored_bytes
-from validation.measures.probe import probe
 from validation.studies.work_precision.quantity import Quantity
 from validation.studies.work_precision.runs import cheapest, front, refined, settled, slopes
 
@@ -135,7 +134,7 @@ def test_probes_reproduce_linear_fields(model: Model) -> None:
     A, b = np.array([[0.3, -0.2], [0.5, 0.7]]), np.array([1.0, 2.0])
     x = np.random.default_rng(1).uniform((0.1, 0.1), (15.9, 3.9), (20, 2))  # in end cells, too
     u = (model.grid.node_positions(model.transfer.nodes) @ A.T + b).ravel()
-    probed = probe(model, x, 0.05)
+    probed = model.at(x, 0.05)
     np.testing.assert_allclose(probed.displacement(u), x @ A.T + b, atol=1e-13)  # rounding of numbers up to 12
     np.testing.assert_allclose(probed.strain(u), np.tile([0.3, 0.7, 0.3], (20, 1)), atol=1e-13)
 
@@ -144,14 +143,14 @@ def test_probes_give_forces_their_work(model: Model) -> None:
     rng = np.random.default_rng(2)
     x = rng.uniform((0.1, 0.1), (15.9, 3.9), (20, 2))
     forces, u = rng.normal(size=(20, 2)), rng.normal(size=2 * len(model.transfer.nodes))
-    probed = probe(model, x)
+    probed = model.at(x)
     work = np.sum(forces * probed.displacement(u))
-    assert probed.force(forces, len(model.transfer.nodes)) @ u == pytest.approx(work, rel=1e-12)
+    assert probed.force(forces) @ u == pytest.approx(work, rel=1e-12)
 
 
 def test_a_probe_outside_the_body_is_refused(model: Model) -> None:
     with pytest.raises(ValueError, match="no material point"):
-        probe(model, np.array([[17.5, 2.0]]))
+        model.at(np.array([[17.5, 2.0]]))
 
 
 def test_stored_bytes() -> None:

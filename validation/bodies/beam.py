@@ -7,15 +7,13 @@ import numpy as np
 from mpmtop.arrays import Array
 from mpmtop.body import Body, Material, Support
 from mpmtop.equilibrium import equilibrium
+from mpmtop.loads import PositionLoad
 from mpmtop.region import Rectangle
 from mpmtop.shape_functions import ShapeFunction
 from reference_fem import elasticity
-from reference_fem.boundary import nodal_forces
-from reference_fem.elasticity import fem_model
-from reference_fem.mesh import lattice, vector_basis
 from validation.bodies.crossing import Crossing, points_model
 from validation.measures.outcome import Measure, Outcome, of_elements, of_points
-from validation.measures.probe import displacement_at, probe, within
+from validation.measures.probe import displacement_at
 
 BEAM = Material(young=1.0, poisson=0.3, plane="stress")
 """That of the study; every function of the closed form takes another one, of plane strain as well."""
@@ -64,11 +62,15 @@ def beam_energy(depth: float, material: Material = BEAM) -> float:
 
 
 def beam_body(n: int, material: Material = BEAM) -> Body:
-    """The beam, n deep and n even, on the supports of its closed form; its tractions are given apart."""
+    """The beam, n deep and n even, on the supports of its closed form and under its tractions."""
     at_left = [
         Support(Rectangle((0.0, y), (0.0, y)), fixed) for y, fixed in ((n / 2, (True, True)), (n, (True, False)))
     ]
-    return Body(Rectangle((0.0, 0.0), (float(SLENDER * n), float(n))), tuple(at_left), (), material)
+    tractions = tuple(
+        PositionLoad((x, y), (fx, fy))
+        for (x, y), (fx, fy) in zip(*(a.tolist() for a in beam_tractions(n)), strict=True)
+    )
+    return Body(Rectangle((0.0, 0.0), (float(SLENDER * n), float(n))), tuple(at_left), tractions, material)
 
 
 def beam_tractions(n: int) -> tuple[Array, Array]:
@@ -111,24 +113,19 @@ def beam_places(n: int) -> Array:
 
 def beam_points(n: int, shape_function: ShapeFunction, ppc: int, crossing: Crossing) -> Measure:
     """Timoshenko's cantilever with n cells over its depth."""
-    body = beam_body(n)
-    model = points_model(body, shape_function, ppc, crossing)
-    x, forces = beam_tractions(n)
-    f = probe(model, within(x, body)).force(forces, len(model.transfer.nodes))
-    state = equilibrium(model, np.ones(len(model.points.x)), f_ext=f)
+    model = points_model(beam_body(n), shape_function, ppc, crossing)
+    state = equilibrium(model, np.ones(len(model.points.x)))
 
     def outcome() -> Outcome:
-        at = probe(model, within(beam_places(n), body)).displacement(state.u)
-        return of_points(model, beam_errors(at, float(f @ state.u) / 2, n))
+        at = model.at(beam_places(n)).displacement(state.u)
+        return of_points(model, beam_errors(at, float(model.f_ext @ state.u) / 2, n))
 
     return outcome
 
 
 def beam_elements(n: int, order: int) -> Measure:
     """Timoshenko's cantilever with n elements over its depth."""
-    body = beam_body(n)
-    basis = vector_basis(lattice(body.domain.bounds, np.ones(2)), order)
-    model = fem_model(body, basis, nodal_forces(basis, *beam_tractions(n)))
+    model = elasticity.discretise(beam_body(n), 1.0, order)
     u = elasticity.solve(model, np.ones(len(model.area)))
     at = displacement_at(model, u, beam_places(n))
     return lambda: of_elements(model, beam_errors(at, float(model.f_ext @ u) / 2, n))

@@ -15,10 +15,10 @@ from mpmtop.shape_functions import ShapeFunction
 from reference_fem import elasticity
 from reference_fem.boundary import locate_in_lattice, locate_in_mesh
 from reference_fem.elasticity import FemModel, fem_model, minimum_degree_elimination
-from reference_fem.mesh import domain_lattice, vector_basis
+from reference_fem.mesh import GEOMETRY_TOLERANCE, domain_lattice, vector_basis
 from validation.bodies.crossing import Crossing, points_model
 from validation.measures.outcome import Measure, Outcome, of_elements, of_points
-from validation.measures.probe import INSIDE, probe, strain_at
+from validation.measures.probe import strain_at
 
 BRACKET_SIDE = 50.0
 """Side of the L-bracket in units of its own h; its arms are 20 wide."""
@@ -68,7 +68,7 @@ def bracket_points(n: int, shape_function: ShapeFunction, ppc: int, crossing: Cr
     state = equilibrium(model, np.ones(len(model.points.x)))
 
     def outcome() -> Outcome:
-        strain = probe(model, PATH * n / BRACKET_SIDE, 0.5 / ppc).strain(state.u)
+        strain = model.at(PATH * n / BRACKET_SIDE, 0.5 / ppc).strain(state.u)
         return of_points(model, path_error(n * strain @ model.D))
 
     return outcome
@@ -80,7 +80,7 @@ def bracket_solution(n: int, mesh: MeshQuad, order: int) -> tuple[FemModel, Arra
     loaded = loaded_part(n).contains(mesh.p[:, mesh.t].mean(axis=1).T)
     part = CellBasis(mesh, basis.elem, intorder=2 * order, elements=np.flatnonzero(loaded), dofs=basis.dofs)
     f = LinearForm(lambda v, w: -v[1]).assemble(part) / part.dx.sum()
-    graded = np.ptp(np.diff(np.unique(mesh.p[0]))) > INSIDE
+    graded = np.ptp(np.diff(np.unique(mesh.p[0]))) > GEOMETRY_TOLERANCE
     model = fem_model(body, basis, f, *([minimum_degree_elimination] if graded else []))
     u = elasticity.solve(model, np.ones(len(model.area)))
     x = PATH * n / BRACKET_SIDE

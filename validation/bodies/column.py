@@ -22,7 +22,6 @@ from scipy.special import lambertw
 from mpmtop.arrays import Array
 from mpmtop.body import Body, Material, Support
 from mpmtop.equilibrium import equilibrium
-from mpmtop.loads import RegionLoad
 from mpmtop.model import discretise
 from mpmtop.points import MaterialPoints, seed
 from mpmtop.region import Rectangle
@@ -56,7 +55,7 @@ class ColumnErrors(NamedTuple):
 
 
 def column(h: float) -> Body:
-    """The column, one cell of size h wide; its weight is shared equally by the points, as they have equal mass."""
+    """The column, one cell of size h wide; its weight is a body force."""
     inf = np.inf
     body = Rectangle((0.0, 0.0), (h, LENGTH))
     base, left, right = (
@@ -67,8 +66,7 @@ def column(h: float) -> Body:
     return Body(
         body,
         (Support(base, (False, True)), Support(left, (True, False)), Support(right, (True, False))),
-        (RegionLoad(body, (0.0, -BASE_STRESS * h)),),
-        Material(young=YOUNG, poisson=0.0, plane="strain"),
+        material=Material(young=YOUNG, poisson=0.0, plane="strain"),
     )
 
 
@@ -89,7 +87,9 @@ def errors(cells: int, shape_function: ShapeFunction, *, deformed: bool) -> Colu
             initial.half_length * np.stack([np.ones_like(stretch), stretch], axis=1),
         )
     model = discretise(body, h, shape_function=shape_function, points=points)
-    state = equilibrium(model, np.full(len(Y), YOUNG))
+    weight = BASE_STRESS / LENGTH * initial.volume  # of the masses, which points keep
+    f = model.transfer.N_matrix.T @ np.outer(weight, [0.0, -1.0])
+    state = equilibrium(model, np.full(len(Y), YOUNG), f_ext=f.ravel())
     error = np.abs(model.stress(state.moduli, state.strain)[:, 1] + BASE_STRESS * (1 - Y / LENGTH)) / BASE_STRESS
     by_initial, by_volume = (float(np.average(error, weights=p.volume)) for p in (initial, points))
     return ColumnErrors(by_initial, by_volume)

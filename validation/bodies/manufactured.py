@@ -22,7 +22,7 @@ from mpmtop.points import MaterialPoints, seed
 from mpmtop.region import Difference, Rectangle, Region
 from mpmtop.shape_functions import ShapeFunction, bspline2, bspline3
 from mpmtop.solvers import Pattern, choose_solver
-from mpmtop.transfer import Transfer, transfer
+from mpmtop.transfer import Transfer, body_ends, transfer
 from reference_fem.elasticity import FemModel, fem_model, inverse_stiffness
 from reference_fem.mesh import lattice, vector_basis
 from validation.bodies.crossing import Crossing
@@ -186,7 +186,7 @@ def analysis(
     body = Rectangle((-MARGIN * H, -MARGIN * H), (side + MARGIN * H, side + MARGIN * H))
     points = crossing(seed(body, (H / ppc, H / ppc)), body)
     grid = Grid.around(*body.bounds, (H, H))
-    operators = transfer(grid, points, shape_function)
+    operators = transfer(grid, points, shape_function, body_ends(grid, points))
     position = grid.node_positions(operators.nodes)
     inside = np.flatnonzero(np.repeat(square.contains(position, -1e-9 * H), 2))
     curvature = CURVATURE.get(shape_function, 0.0) if curvature is None else curvature

@@ -12,7 +12,7 @@ import numpy as np
 
 from mpmtop.body import Body, Material, Support
 from mpmtop.design import Design
-from mpmtop.loads import PointLoad, RegionLoad
+from mpmtop.loads import PointLoad, PositionLoad, RegionLoad
 from mpmtop.region import Circle, Difference, Rectangle, Region
 from mpmtop.scene import PNormStress, Scene
 
@@ -56,7 +56,7 @@ def extended_cantilever() -> Scene:
         cantilever(),
         name="cantilever, extended",
         domain=Rectangle((-2.0, 0.0), (42.0, 20.0)),
-        loads=(PointLoad((40.0, 10.0), (0.0, -1.0), points=0),),
+        loads=(PositionLoad((40.0, 10.0), (0.0, -1.0)),),
     )
 
 

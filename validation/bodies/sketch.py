@@ -9,7 +9,6 @@ import pandas as pd
 from matplotlib.collections import LineCollection
 from scipy.spatial import KDTree
 
-from mpmtop.loads import PointLoad
 from mpmtop.points import MaterialPoints, seed
 from mpmtop.scene import PNormStress, Scene
 from validation.bodies.scenes import SPACING, H
@@ -44,14 +43,7 @@ def parameters(scene: Scene, points: MaterialPoints) -> dict[str, Any]:
     return {
         "size": " x ".join(f"{side:g} h" for side in upper - lower),
         "material points": len(points.x),
-        "load": "; ".join(
-            f"({load.force[0]:g}, {load.force[1]:g}) F at ({load.position[0]:g}, {load.position[1]:g}) h, on "
-            f"{load.points} "
-            "points"
-            if isinstance(load, PointLoad)
-            else f"({load.force[0]:g}, {load.force[1]:g}) F over the edge"
-            for load in scene.body.loads
-        ),
+        "load": "; ".join(map(said, scene.body.loads)),
         "objective": what or "compliance",
         "volume fraction": scene.design.volume_fraction,
         "filter radius": f"{scene.design.filter_radius:g} h",
@@ -60,6 +52,14 @@ def parameters(scene: Scene, points: MaterialPoints) -> dict[str, Any]:
         "rho_min": scene.design.rho_min,
         "Poisson's ratio": f"{material.poisson:g}, plane {material.plane}",
     }
+
+
+def said(load: Any) -> str:
+    """Force and place of a load, in words."""
+    force = f"({load.force[0]:g}, {load.force[1]:g}) F"
+    if not hasattr(load, "position"):
+        return f"{force} over the edge"
+    return f"{force} at ({load.position[0]:g}, {load.position[1]:g}) h, on {load.points} points"
 
 
 def draw(scene: Scene, points: MaterialPoints) -> plt.Figure:
@@ -81,8 +81,9 @@ def draw(scene: Scene, points: MaterialPoints) -> plt.Figure:
         held = nodes[support.region.contains(nodes, 1e-9) & inside]
         ax.scatter(held[:, 0], held[:, 1], marker="s", s=9, color="#d55e00", linewidths=0, label="held", zorder=3)
     reach = 0.16 * float(np.max(upper - lower))
-    for load in scene.body.loads:
-        if isinstance(load, PointLoad):
+    loads: tuple[Any, ...] = scene.body.loads
+    for load in loads:
+        if hasattr(load, "position"):
             places = np.array([load.position])
         else:
             carrying = points.x[load.region.contains(points.x, 1e-9)]

@@ -1,63 +1,10 @@
-"""Displacements, strains and forces at given positions of a body, whichever method analysed it."""
-
-from dataclasses import dataclass
+"""Models of moved points; displacements and strains of finite elements at given positions."""
 
 import numpy as np
 
-from mpmtop.arrays import Array, Index
-from mpmtop.body import Body
-from mpmtop.model import Model
-from mpmtop.points import MaterialPoints
-from mpmtop.transfer import Transfer, transfer
+from mpmtop.arrays import Array
 from reference_fem.boundary import Locate
 from reference_fem.elasticity import FemModel
-
-INSIDE = 1e-9
-"""Positions on the edge of the body are taken this far within it [h]: a cell on the other side holds no point."""
-
-
-@dataclass(frozen=True, eq=False)
-class Probe:
-    """Positions (k, 2) in the body of a model where its displacement and strain are wanted, or where forces act."""
-
-    operators: Transfer
-    place: Index  # of the operators' nodes among the model's
-    k: int
-
-    def displacement(self, u: Array) -> Array:
-        """(k, 2), of nodal displacements u (2a,) of the model."""
-        return self.operators.interpolate(self._nodal(u))[: self.k]
-
-    def strain(self, u: Array) -> Array:
-        """(k, 3), Voigt."""
-        return self.operators.strain(self._nodal(u))[: self.k]
-
-    def force(self, forces: Array, a: int) -> Array:
-        """Nodal forces (2a,) of forces (k, 2) at the positions, for a model of a nodes."""
-        f = np.zeros((a, 2))
-        f[self.place] = self.operators.N_matrix[: self.k].T @ forces
-        return f.ravel()
-
-    def _nodal(self, u: Array) -> Array:
-        return u.reshape(-1, 2)[self.place].ravel()
-
-
-def probe(model: Model, x: Array, half_length: float = INSIDE / 10) -> Probe:
-    """Probe at x (k, 2) within the body, as points with domains of the given half-length [h] would be."""
-    # the outermost points are there, too: they tell the B-splines where the body ends
-    outermost = np.concatenate([model.points.x.argmin(axis=0), model.points.x.argmax(axis=0)])
-    at = np.vstack([x, model.points.x[outermost]])
-    probed = MaterialPoints(at, np.ones(len(at)), np.full_like(at, half_length))
-    operators = transfer(model.grid, probed, model.shape_function)
-    if not np.all(np.isin(operators.nodes, model.transfer.nodes)):
-        raise ValueError("a probe lies where no material point of the model reaches")
-    return Probe(operators, np.searchsorted(model.transfer.nodes, operators.nodes), len(x))
-
-
-def within(x: Array, body: Body) -> Array:
-    """Positions (k, 2) at least INSIDE from the sides of the domain's box."""
-    lower, upper = body.domain.bounds
-    return np.clip(x, lower + INSIDE, upper - INSIDE)
 
 
 def displacement_at(model: FemModel, u: Array, x: Array) -> Array:

@@ -16,6 +16,7 @@ import numpy as np
 from KratosMultiphysics.MPMApplication.mpm_static_solver import MPMStaticSolver
 
 from mpmtop.arrays import Array, Index
+from mpmtop.loads import action
 from mpmtop.model import Model, held_dofs
 
 km.Logger.GetDefaultOutput().SetSeverity(km.Logger.Severity.WARNING)
@@ -79,8 +80,8 @@ class Kratos:
     def _hang_loads(self) -> None:
         """Kratos reads loads that are not at nodes from conditions among the grid's, and makes points of them."""
         model, part = self.model, self._grid.CreateSubModelPart("Loads")
-        acts = [load.act(model.points.x, 1e-9 * min(model.grid.h)) for load in model.body.loads]
-        positions, forces = (np.concatenate(column) for column in zip(*acts, strict=True))
+        x = model.points.x
+        positions, forces = action(model.body.loads, x, model.points.volume, 1e-9 * min(model.grid.h)).places(x)
         first = self._grid.NumberOfNodes() + 1
         for k, (x, force) in enumerate(zip(positions.tolist(), forces.tolist(), strict=True)):
             part.CreateNewNode(first + k, *x, 0.0)

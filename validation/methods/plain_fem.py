@@ -80,7 +80,7 @@ class PlainProblem:
         """The load's six forces through the basis at their positions."""
         f = np.zeros(self.basis.N)
         for load in self.scene.body.loads:
-            x, force = load.act(self.centres, 1e-9)
+            x, force = load.act(self.centres, np.ones(len(self.centres)), 1e-9).places(self.centres)
             f += self.basis.probes(x.T).T @ force.T.ravel()
         return f
 

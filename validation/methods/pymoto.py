@@ -12,6 +12,7 @@ import matplotlib as mpl
 import numpy as np
 
 from mpmtop.arrays import Array
+from mpmtop.loads import action
 from mpmtop.scene import Scene
 
 with patch.object(mpl, "use"):  # pyMOTO asks for a window as it is imported; the report draws without one
@@ -67,8 +68,8 @@ class PyMoto:
     def _load(self, domain: Any, side: float) -> Array:
         """Nodal forces (2n,): each share of the load at an element's centre, a quarter to each of its nodes."""
         centres = np.array(domain.get_element_position())[:2].T + self.scene.body.domain.bounds[0]
-        acts = [load.act(centres, 1e-9 * side) for load in self.scene.body.loads]
-        positions, forces = (np.concatenate(part) for part in zip(*acts, strict=True))
+        acts = action(self.scene.body.loads, centres, np.full(len(centres), side**2), 1e-9 * side)
+        positions, forces = acts.places(centres)
         element = np.argmin(np.linalg.norm(centres - positions[:, None], axis=2), axis=1)
         f = np.zeros((domain.nnodes, 2))
         np.add.at(f, domain.conn[element], forces[:, None] / 4)

@@ -18,7 +18,7 @@ import numpy as np
 from mpmtop.arrays import Array, Index
 from mpmtop.body import Body, Material
 from mpmtop.grid import Grid
-from mpmtop.loads import PointLoad, RegionLoad
+from mpmtop.loads import Load, PointLoad, RegionLoad
 from mpmtop.model import Model
 from mpmtop.points import MaterialPoints
 
@@ -58,7 +58,7 @@ def equations_of(model: Model) -> Equations:
     """What the model should hold."""
     grid, points, body = model.grid, model.points, model.body
     nodes, N, B = operators(grid, points, model.shape_function.__name__)
-    f_ext = nodal_force(body.loads, grid, points.x, N)
+    f_ext = nodal_force(body.loads, grid, points.x, points.volume, N)
     x = grid.origin[0] + nodes // (grid.cells[1] + 1) * EXTENDED(grid.h[0])
     free = np.flatnonzero(np.repeat(x > clamp(body) + ON * min(grid.h), 2))
     jump, modulus = model.ghost.jump.toarray(), model.ghost.modulus.toarray()
@@ -177,15 +177,16 @@ def tangent(material: Material) -> Array:
     return D
 
 
-def nodal_force(loads: tuple[PointLoad | RegionLoad, ...], grid: Grid, x: Array, N: Array) -> Array:
-    """f_i = sum_p N_ip f_p, (2a,): equal shares of the points in the region or nearest to the load, where those at the
-    last distance, if they are too many, divide what is left."""
+def nodal_force(loads: tuple[Load, ...], grid: Grid, x: Array, volume: Array, N: Array) -> Array:
+    """f_i = sum_p N_ip f_p, (2a,): shares by volume of the points in the region, equal ones of those nearest to the
+    load, where those at the last distance, if they are too many, divide what is left."""
     share = np.zeros((len(x), 2), EXTENDED)
     for load in loads:
         if isinstance(load, RegionLoad):
-            inside = load.region.contains(x, ON * min(grid.h))
-            share[inside] += np.array(load.force) / EXTENDED(inside.sum())
+            part = volume.astype(EXTENDED) * load.region.contains(x, ON * min(grid.h))
+            share += np.outer(part / part.sum(), load.force)
             continue
+        assert isinstance(load, PointLoad)
         apart = np.round(np.sqrt(((x - load.position) ** 2).sum(axis=1)) / (ON * min(grid.h)))
         last = np.sort(apart)[load.points - 1]
         part = (apart < last) + (apart == last) * EXTENDED(load.points - (apart < last).sum()) / (apart == last).sum()

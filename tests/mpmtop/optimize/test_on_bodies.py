@@ -9,7 +9,7 @@ import pytest
 from mpmtop.body import Body, Material, Support
 from mpmtop.design import Design
 from mpmtop.errors import InvalidScene
-from mpmtop.loads import PointLoad
+from mpmtop.loads import PointLoad, PositionLoad
 from mpmtop.optimize import (
     GCMMA,
     MMA,
@@ -34,7 +34,7 @@ def half_mbb(radius: float = 2.4) -> Scene:
     body = Body(
         Rectangle((0, 0), (60, 20)),
         (Support(Rectangle((0, 0), (0, 20)), (True, False)), Support(Rectangle((60, 0), (60, 0)), (False, True))),
-        (PointLoad((0, 20), (0, -1), points=0),),
+        (PositionLoad((0, 20), (0, -1)),),
         Material(1.0, 0.3, "stress"),
     )
     return Scene("half MBB beam", body, Design(0.5, radius, rho_min=0.0))

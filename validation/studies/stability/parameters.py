@@ -11,7 +11,7 @@ import numpy as np
 from mpmtop.body import Material, Support
 from mpmtop.errors import EmptyDomain, InvalidScene, LoadOutsideBody, PointOutsideGrid, UnsupportedBody
 from mpmtop.grid import Grid
-from mpmtop.loads import PointLoad
+from mpmtop.loads import PointLoad, PositionLoad
 from mpmtop.model import Model, discretise
 from mpmtop.optimize import GCMMA, MMA, OptimalityCriteria, SingleStepGCMMA, optimize
 from mpmtop.points import MaterialPoints
@@ -174,7 +174,7 @@ def invalid_models() -> Iterator[Refusal]:
     at_tip, at_clamp = (5.0, 1.0), (0.0, 1.0)
     for load, says in (
         (PointLoad(at_tip, (0.0, 0.0)), "nonzero"),
-        (PointLoad(at_clamp, (0.0, 1.0), points=0), "held nodes"),
+        (PositionLoad(at_clamp, (0.0, 1.0)), "held nodes"),
         (PointLoad(at_tip, (0.0, 1.0), points=99), "99 points"),
     ):
         yield Refusal(partial(model_of, "tent", scene=beam(loads=(load,))), LoadOutsideBody, says)

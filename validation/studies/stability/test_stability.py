@@ -174,8 +174,8 @@ def shifted(function: str, shift: Array, ghost: float) -> tuple[float, float, fl
 def lever(model: Model) -> float:
     """Distance from the clamp of the points that carry the load."""
     (load,) = model.body.loads
-    carriers, share = load.shares(model.points.x, 1e-9)
-    return float(share @ model.points.x[carriers, 0])
+    acts = load.act(model.points.x, model.points.volume, 1e-9)
+    return float(-acts.carried[:, 1] @ model.points.x[acts.points, 0])
 
 
 def deflection(arm: float) -> float:

@@ -16,7 +16,7 @@ from mpmtop.objectives import compliance
 from mpmtop.points import MaterialPoints, seed
 from mpmtop.region import Rectangle
 from mpmtop.shape_functions import ShapeFunction
-from mpmtop.transfer import transfer
+from mpmtop.transfer import body_ends, transfer
 from validation import paper
 from validation.bodies.scenes import SPACING, H, cantilever
 from validation.harness.claims import Statement
@@ -49,7 +49,7 @@ def unbalanced(points: MaterialPoints, shape_function: ShapeFunction) -> float:
     """Largest nodal force of a unit stress sigma_xx at nodes with none but full cells around, in h sigma."""
     lower, upper = points.x.min(axis=0), points.x.max(axis=0)
     grid = Grid.around(np.floor(lower), np.ceil(upper), (H, H))
-    operators = transfer(grid, points, shape_function)
+    operators = transfer(grid, points, shape_function, body_ends(grid, points))
     force = operators.B.T @ np.outer(points.volume, [1.0, 0.0, 0.0]).ravel()
     position = grid.node_positions()[operators.nodes]
     interior = np.all((position > lower + 2.5 * H) & (position < upper - 2.5 * H), axis=1)
