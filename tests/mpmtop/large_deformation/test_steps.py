@@ -17,7 +17,7 @@ from mpmtop.large_deformation.model import discretise
 from mpmtop.large_deformation.objectives import EndCompliance
 from mpmtop.large_deformation.step import Failure, Problem, moved, newton, operators, start
 from mpmtop.large_deformation.steps import load_steps, trajectory
-from mpmtop.loads import PointLoad, RegionLoad
+from mpmtop.loads import PositionLoad, RegionLoad
 from mpmtop.model import discretise as discretise_small
 from mpmtop.points import seed
 from mpmtop.region import Rectangle
@@ -169,7 +169,7 @@ def hanging(**change: object) -> Body:
         (partial(discretise, cantilever(0.0), 2.0), LoadOutsideBody, "zero"),
         (partial(discretise, cantilever(), 2.0, 0), ValueError, "points per cell"),
         (
-            partial(discretise, hanging(loads=(PointLoad((20, 5), (0, -1), 0),)), 2.0),
+            partial(discretise, hanging(loads=(PositionLoad((20, 5), (0, -1)),)), 2.0),
             InvalidScene,
             "only points carry loads",
         ),
