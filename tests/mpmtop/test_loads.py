@@ -21,6 +21,8 @@ from reference_fem import elasticity
 from reference_fem.reanalyse import reanalyse
 from tests.scenes import SHAPE_FUNCTIONS, cantilever
 
+pytestmark = pytest.mark.filterwarnings("ignore::mpmtop.diagnose.ModelWarning")  # bodies are moved on purpose
+
 INF = np.inf
 LENGTH, HEIGHT = 40.0, 10.0
 EVERY = pytest.mark.parametrize("shape_function", SHAPE_FUNCTIONS, ids=lambda f: f.__name__)

@@ -119,7 +119,7 @@ def test_gimp_within_one_cell_is_the_tent_bit_for_bit() -> None:
 
 
 def test_gimp_refuses_domains_wider_than_a_cell() -> None:
-    with pytest.raises(ValueError, match="at least one point per cell"):
+    with pytest.raises(ValueError, match="two points or more per cell"):
         gimp(np.array([1.0]), np.array([0.6]))
 
 
