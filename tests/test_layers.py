@@ -1,10 +1,15 @@
 """The architecture: who may import whom."""
 
 import ast
+import os
+import re
+import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+
+import mpmtop
 
 ROOT = Path(__file__).parent.parent
 ORDER = [
@@ -14,9 +19,9 @@ ORDER = [
     *("stiffness", "solvers.pattern", "solvers.checked", "solvers.banded", "solvers.superlu", "solvers.dissection"),
     *("solvers.sparse_cholesky", "solvers.stencil", "solvers.multigrid", "solvers.multigrid_cg", "solvers"),
     *("model", "mechanism", "equilibrium", "objectives", "filter", "problem"),
-    *(f"optimize.{name}" for name in ("protocols", "subproblem", "state", "mma", "gcmma", "optimality_criteria")),
-    *(f"optimize.{name}" for name in ("start", "stopping", "checkpoint", "loop")),
-    *("optimize", "fields", "at_points", "export", "plot"),
+    *(f"optimizers.{name}" for name in ("protocols", "subproblem", "state", "mma", "gcmma", "optimality_criteria")),
+    *(f"optimizers.{name}" for name in ("start", "stopping", "checkpoint", "loop")),
+    *("optimizers", "fields", "at_points", "export", "plot"),
     *(
         f"large_deformation.{name}"
         for name in ("law", "kinematics", "background", "assembly", "model", "step", "steps")
@@ -26,6 +31,8 @@ ORDER = [
 ]
 LIBRARIES = {"mpmtop": {"numpy", "scipy"}, "reference_fem": {"numpy", "scipy", "skfem", "mpmtop"}}
 STATEMENT = {f"mpmtop.{name}" for name in ("arrays", "errors", "region", "loads", "body", "design", "scene")}
+UNTOLD = {"__init__", "arrays"}
+"""Modules that the contents do not name: the package itself, and types."""
 STANDARD = sys.stdlib_module_names
 
 
@@ -69,7 +76,7 @@ def test_reference_fem_is_independent(path: Path) -> None:
     for name in imports(path):
         top = name.split(".")[0]
         if top == "mpmtop":
-            shared = STATEMENT | {"mpmtop.optimize.protocols", "mpmtop.fields"}
+            shared = STATEMENT | {"mpmtop.optimizers.protocols", "mpmtop.fields"}
             assert name in shared, f"{path.stem} imports {name}"
         else:
             assert top in LIBRARIES["reference_fem"] | STANDARD | {"reference_fem"}, f"{path.stem} imports {name}"
@@ -126,3 +133,41 @@ def test_rooms_of_validation(path: Path) -> None:
     assert "tests" not in tops
     if kind in KNOW_NO_MECHANICS:
         assert not tops & {"mpmtop", "reference_fem"}, f"{dotted(path)} knows mechanics"
+
+
+def test_the_face_is_light_and_reads_as_contents() -> None:
+    """`import mpmtop` loads no library and no module of its own; each of its names comes from where it lives, in the
+    stub for type checkers as at run time; what the contents name exists."""
+    loaded = (
+        "import sys, mpmtop; print(sorted(m for m in sys.modules if m.split('.')[0] in {'numpy', 'scipy', 'mpmtop'}))"
+    )
+    printed = subprocess.run([sys.executable, "-c", loaded], capture_output=True, text=True, check=True, cwd=ROOT)
+    assert printed.stdout.strip() == "['mpmtop']"
+    tree = ast.parse((ROOT / "mpmtop" / "__init__.py").read_text())
+    stub = {
+        alias.name: str(node.module)
+        for block in tree.body
+        if isinstance(block, ast.If)
+        for node in block.body
+        if isinstance(node, ast.ImportFrom)
+        for alias in node.names
+    }
+    lazy = {name: f"mpmtop.{module}" for name, module in mpmtop._HOME.items()}
+    assert stub == lazy | {"export": "mpmtop", "plot": "mpmtop"}
+    for name in lazy:
+        assert getattr(mpmtop, name).__name__ == name
+    contents = (mpmtop.__doc__ or "").split("What a script needs")[0]
+    assert all(re.search(rf"\b{name}\b", contents) for name in lazy)
+    assert all(re.search(rf"\b{p.stem}\b", contents) for p in (ROOT / "mpmtop").glob("*.py") if p.stem not in UNTOLD)
+    with pytest.raises(AttributeError, match="no attribute 'nothing'"):
+        mpmtop.nothing  # noqa: B018
+
+
+def test_the_readme_s_example_runs(tmp_path: Path) -> None:
+    """On a quarter of its body, so that it takes a second."""
+    example = (ROOT / "README.md").read_text().split("```python\n")[1].split("```")[0]
+    smaller = example.replace("40.0", "10.0").replace("20.0", "5.0").replace("(10.0, 10.0)", "(10.0, 2.5)")
+    subprocess.run(
+        [sys.executable, "-c", smaller], check=True, cwd=tmp_path, env=os.environ | {"PYTHONPATH": str(ROOT)}
+    )
+    assert (tmp_path / "beam.vtu").exists() and (tmp_path / "beam.png").exists()

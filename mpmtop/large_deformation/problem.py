@@ -1,4 +1,4 @@
-"""The design problem of load steps: design -> filter -> SIMP -> trajectory -> objective, for `mpmtop.optimize`."""
+"""The design problem of load steps: design -> filter -> SIMP -> trajectory -> objective, for `mpmtop.optimizers`."""
 
 import hashlib
 from dataclasses import dataclass, field

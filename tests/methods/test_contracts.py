@@ -12,7 +12,7 @@ from mpmtop.body import Material
 from mpmtop.errors import InvalidScene, LoadOutsideBody
 from mpmtop.loads import PointLoad, PositionLoad
 from mpmtop.model import discretise
-from mpmtop.optimize import GCMMA, optimize
+from mpmtop.optimizers import GCMMA, optimize
 from mpmtop.points import seed
 from mpmtop.problem import design_problem as points_problem
 from mpmtop.region import Circle, Difference, LevelSet, Rectangle, Region

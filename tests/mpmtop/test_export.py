@@ -13,7 +13,7 @@ from mpmtop.body import Body, Material, Support
 from mpmtop.design import Design
 from mpmtop.fields import fields
 from mpmtop.loads import PointLoad
-from mpmtop.optimize import GCMMA, optimize
+from mpmtop.optimizers import GCMMA, optimize
 from mpmtop.problem import DesignProblem
 from mpmtop.problem import design_problem as points_problem
 from mpmtop.region import Circle, Difference, Rectangle

@@ -8,7 +8,7 @@ from mpmtop.errors import EmptyDomain, InvalidScene, LoadOutsideBody
 from mpmtop.filter import density_filter
 from mpmtop.loads import PointLoad, PositionLoad, RegionLoad
 from mpmtop.model import discretise
-from mpmtop.optimize import GCMMA, MMA, OptimalityCriteria, UpdateRule, optimize
+from mpmtop.optimizers import GCMMA, MMA, OptimalityCriteria, UpdateRule, optimize
 from mpmtop.problem import DesignProblem, design_problem, plan
 from mpmtop.quadtree import quadtree
 from mpmtop.region import Circle, Difference, Rectangle, Region

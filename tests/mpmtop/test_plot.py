@@ -15,7 +15,7 @@ from mpmtop import plot
 from mpmtop.body import Support
 from mpmtop.fields import SCALARS, fields, rectangles
 from mpmtop.loads import RegionLoad
-from mpmtop.optimize import GCMMA, optimize
+from mpmtop.optimizers import GCMMA, optimize
 from mpmtop.problem import design_problem as points_problem
 from mpmtop.region import Circle, Difference, Rectangle
 from mpmtop.shape_functions import gimp

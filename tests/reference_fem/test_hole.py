@@ -27,7 +27,7 @@ from mpmtop.body import Body, Material, Support
 from mpmtop.design import Design
 from mpmtop.errors import InvalidScene, LoadOutsideBody, UnsupportedBody
 from mpmtop.loads import PointLoad, PositionLoad, RegionLoad
-from mpmtop.optimize import GCMMA, optimize
+from mpmtop.optimizers import GCMMA, optimize
 from mpmtop.region import Circle, Difference, Rectangle
 from mpmtop.scene import Compliance, PNormStress, Scene
 from reference_fem.boundary import locate_in_mesh, nodal_forces

@@ -7,7 +7,7 @@ from mpmtop.arrays import Array
 from mpmtop.errors import EmptyDomain, InvalidScene, LoadOutsideBody
 from mpmtop.filter import DesignSpace, passive_filter
 from mpmtop.loads import PointLoad, PositionLoad, RegionLoad
-from mpmtop.optimize import GCMMA, optimize
+from mpmtop.optimizers import GCMMA, optimize
 from mpmtop.points import MaterialPoints
 from mpmtop.region import Circle, Difference, Rectangle, Region
 from mpmtop.scene import Compliance, PNormStress, Scene

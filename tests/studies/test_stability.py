@@ -19,7 +19,7 @@ from mpmtop.equilibrium import Equilibrium, equilibrium
 from mpmtop.errors import NotConverged, UnsupportedBody
 from mpmtop.loads import PointLoad
 from mpmtop.model import Model
-from mpmtop.optimize import CheckpointError, optimize
+from mpmtop.optimizers import CheckpointError, optimize
 from mpmtop.solvers import BandedCholesky, MultigridCG, Solve
 from mpmtop.transfer import Transfer
 from validation.oracles.dense import equations_of

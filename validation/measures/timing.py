@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from mpmtop.optimize import GCMMA, Problem, initial_state
+from mpmtop.optimizers import GCMMA, Problem, initial_state
 
 Work = Callable[[], object]
 Result = TypeVar("Result")

@@ -12,7 +12,7 @@ from mpmtop import problem
 from mpmtop.arrays import Array, Index
 from mpmtop.material import von_mises
 from mpmtop.model import discretise
-from mpmtop.optimize import GCMMA, Iterate, Problem, UpdateRule, optimize
+from mpmtop.optimizers import GCMMA, Iterate, Problem, UpdateRule, optimize
 from mpmtop.points import MaterialPoints, seed
 from mpmtop.scene import PNormStress, Scene, StressMeasure
 from mpmtop.shape_functions import ShapeFunction, bspline2, bspline3, gimp, tent

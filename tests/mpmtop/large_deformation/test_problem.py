@@ -13,7 +13,7 @@ from mpmtop.large_deformation.law import NeoHookean
 from mpmtop.large_deformation.model import discretise
 from mpmtop.large_deformation.objectives import EndCompliance, EndStress, PathCompliance, PathObjective
 from mpmtop.large_deformation.problem import LoadStepProblem
-from mpmtop.optimize import GCMMA, optimize
+from mpmtop.optimizers import GCMMA, optimize
 from mpmtop.region import Rectangle
 from mpmtop.shape_functions import gimp, tent
 from tests.mpmtop.large_deformation.cases import cantilever

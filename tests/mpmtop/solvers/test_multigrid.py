@@ -12,7 +12,7 @@ from mpmtop.equilibrium import Equilibrium, equilibrium
 from mpmtop.material import simp
 from mpmtop.model import Model, discretise
 from mpmtop.objectives import compliance, compliance_gradient
-from mpmtop.optimize import MMA, optimize
+from mpmtop.optimizers import MMA, optimize
 from mpmtop.problem import DesignProblem, design_problem, plan
 from mpmtop.region import Circle, Difference, Rectangle
 from mpmtop.scene import PNormStress

@@ -17,7 +17,7 @@ import pandas as pd
 import pytest
 from joblib import Parallel, delayed
 
-from mpmtop.optimize import GCMMA, MMA, SingleStepGCMMA, UpdateRule
+from mpmtop.optimizers import GCMMA, MMA, SingleStepGCMMA, UpdateRule
 from reference_fem.reanalyse import Judge, build_judge
 from validation import paper
 from validation.bodies.scenes import SPACING, TipLoad, cantilever

@@ -22,7 +22,7 @@ import pytest
 from joblib import Parallel, delayed
 
 from mpmtop.arrays import Array
-from mpmtop.optimize import GCMMA, MMA, SingleStepGCMMA, UpdateRule, optimize
+from mpmtop.optimizers import GCMMA, MMA, SingleStepGCMMA, UpdateRule, optimize
 from mpmtop.scene import Compliance
 from reference_fem.reanalyse import Judge, build_judge, judge_stress
 from validation import paper

@@ -15,7 +15,7 @@ import numpy as np
 
 from mpmtop.arrays import Array
 from mpmtop.filter import DensityFilter
-from mpmtop.optimize import GCMMA, initial_state
+from mpmtop.optimizers import GCMMA, initial_state
 from mpmtop.problem import DesignProblem, Evaluation, design_problem
 from mpmtop.scene import Compliance, PNormStress
 from mpmtop.solvers import MultigridCG, Pattern, Solve, Solver, SparseCholesky, choose_solver

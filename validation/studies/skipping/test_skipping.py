@@ -20,7 +20,7 @@ import pytest
 from mpmtop import equilibrium as equilibria
 from mpmtop import objectives
 from mpmtop.arrays import Array
-from mpmtop.optimize import GCMMA, optimize
+from mpmtop.optimizers import GCMMA, optimize
 from mpmtop.points import seed
 from mpmtop.problem import DesignProblem, design_problem
 from mpmtop.scene import Scene

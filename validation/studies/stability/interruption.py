@@ -20,7 +20,7 @@ import numpy as np
 from mpmtop.body import Body, Support
 from mpmtop.design import Design
 from mpmtop.loads import PointLoad
-from mpmtop.optimize import GCMMA, MMA, Iterate, UpdateRule, checkpoint, optimize
+from mpmtop.optimizers import GCMMA, MMA, Iterate, UpdateRule, checkpoint, optimize
 from mpmtop.points import seed
 from mpmtop.problem import DesignProblem, Evaluation, design_problem
 from mpmtop.region import Rectangle

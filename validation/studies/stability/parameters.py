@@ -13,7 +13,7 @@ from mpmtop.errors import EmptyDomain, InvalidScene, LoadOutsideBody, PointOutsi
 from mpmtop.grid import Grid
 from mpmtop.loads import PointLoad, PositionLoad
 from mpmtop.model import Model, discretise
-from mpmtop.optimize import GCMMA, MMA, OptimalityCriteria, SingleStepGCMMA, optimize
+from mpmtop.optimizers import GCMMA, MMA, OptimalityCriteria, SingleStepGCMMA, optimize
 from mpmtop.points import MaterialPoints
 from mpmtop.problem import DesignProblem
 from mpmtop.region import Circle, Rectangle

@@ -17,7 +17,7 @@ import numpy as np
 from mpmtop import export
 from mpmtop.arrays import Array
 from mpmtop.errors import NotConverged
-from mpmtop.optimize import (
+from mpmtop.optimizers import (
     GCMMA,
     MMA,
     CheckpointError,
@@ -27,7 +27,7 @@ from mpmtop.optimize import (
     UpdateRule,
     optimize,
 )
-from mpmtop.optimize.checkpoint import Run, load_checkpoint
+from mpmtop.optimizers.checkpoint import Run, load_checkpoint
 from mpmtop.problem import DesignProblem, Evaluation
 from validation.studies.stability.cases import FUNCTIONS, beam, model_of
 from validation.studies.stability.interruption import AT, MOMENTS, RULES, Survival, interrupted, last_of

@@ -13,7 +13,7 @@ from mpmtop.equilibrium import equilibrium
 from mpmtop.loads import PointLoad
 from mpmtop.model import discretise
 from mpmtop.objectives import compliance
-from mpmtop.optimize import GCMMA, optimize
+from mpmtop.optimizers import GCMMA, optimize
 from mpmtop.points import MaterialPoints, seed
 from mpmtop.problem import DesignProblem
 from mpmtop.scene import Compliance, PNormStress, Scene

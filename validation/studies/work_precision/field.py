@@ -9,7 +9,7 @@ from mpmtop.arrays import Array
 from mpmtop.equilibrium import equilibrium
 from mpmtop.loads import RegionLoad
 from mpmtop.material import simp
-from mpmtop.optimize import Problem, optimize
+from mpmtop.optimizers import Problem, optimize
 from mpmtop.points import seed
 from mpmtop.region import Rectangle
 from mpmtop.scene import Scene

@@ -16,7 +16,7 @@ from joblib import Parallel, delayed
 from scipy.spatial import KDTree
 
 from mpmtop.arrays import Array
-from mpmtop.optimize import GCMMA
+from mpmtop.optimizers import GCMMA
 from mpmtop.points import seed
 from reference_fem.reanalyse import Judge, build_judge, judge_stress
 from validation import paper

@@ -7,9 +7,9 @@ import pytest
 from scipy.optimize import nnls
 
 from mpmtop.arrays import Array
-from mpmtop.optimize import MMA, State, subproblem
-from mpmtop.optimize.mma import approximate
-from mpmtop.optimize.subproblem import (
+from mpmtop.optimizers import MMA, State, subproblem
+from mpmtop.optimizers.mma import approximate
+from mpmtop.optimizers.subproblem import (
     PENALTY,
     Subproblem,
     approximation,
@@ -17,7 +17,7 @@ from mpmtop.optimize.subproblem import (
     solve_single,
     solve_subproblem,
 )
-from tests.mpmtop.optimize.problems import Analytic, ripples, steps
+from tests.mpmtop.optimizers.problems import Analytic, ripples, steps
 
 
 def random_subproblem(rng: np.random.Generator, n: int, m: int, violation: float = 0.3) -> Subproblem:

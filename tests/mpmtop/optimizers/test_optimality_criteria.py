@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mpmtop.optimize import GCMMA, OptimalityCriteria
-from tests.mpmtop.optimize.problems import bars, spheres, steps
+from mpmtop.optimizers import GCMMA, OptimalityCriteria
+from tests.mpmtop.optimizers.problems import bars, spheres, steps
 
 
 def test_optimality_criteria_solve_the_separable_problem_in_one_step() -> None:

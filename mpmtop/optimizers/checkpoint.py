@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from mpmtop.arrays import Array
-from mpmtop.optimize.protocols import State
+from mpmtop.optimizers.protocols import State
 
 # A resumed design is analysed again; an objective off by more than this, far above the rounding of any solver but below
 # any physical change, shows that the problem is another in spite of its fingerprint.

@@ -10,7 +10,7 @@ from mpmtop.body import Body, Material, Support
 from mpmtop.design import Design
 from mpmtop.errors import InvalidScene
 from mpmtop.loads import PointLoad, PositionLoad
-from mpmtop.optimize import (
+from mpmtop.optimizers import (
     GCMMA,
     MMA,
     CheckpointError,

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from mpmtop.arrays import Array
-from mpmtop.optimize.protocols import E, Problem
+from mpmtop.optimizers.protocols import E, Problem
 
 RESOLVED = 1.5
 """Spacings in a filter radius, at least: with one neighbour to each side in the average a coarse design has the fine

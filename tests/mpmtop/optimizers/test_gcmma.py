@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mpmtop.optimize import GCMMA, MMA, SingleStepGCMMA, initial_state
-from mpmtop.optimize.mma import approximate
-from mpmtop.optimize.subproblem import approximation
-from tests.mpmtop.optimize.problems import RULES, cantilever, ripples, steps
+from mpmtop.optimizers import GCMMA, MMA, SingleStepGCMMA, initial_state
+from mpmtop.optimizers.mma import approximate
+from mpmtop.optimizers.subproblem import approximation
+from tests.mpmtop.optimizers.problems import RULES, cantilever, ripples, steps
 
 
 def test_gcmma_never_rises_where_mma_does() -> None:

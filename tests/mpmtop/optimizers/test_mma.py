@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mpmtop.optimize import State
-from mpmtop.optimize.mma import approximate
-from mpmtop.optimize.subproblem import approximation
-from tests.mpmtop.optimize.problems import ripples
+from mpmtop.optimizers import State
+from mpmtop.optimizers.mma import approximate
+from mpmtop.optimizers.subproblem import approximation
+from tests.mpmtop.optimizers.problems import ripples
 
 
 def test_subproblem_is_svanbergs() -> None:

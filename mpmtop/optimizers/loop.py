@@ -16,7 +16,7 @@ from typing import Any, Generic, Literal
 import numpy as np
 
 from mpmtop.arrays import Array
-from mpmtop.optimize.checkpoint import (
+from mpmtop.optimizers.checkpoint import (
     RESUMED_OBJECTIVE_RTOL,
     CheckpointError,
     Progress,
@@ -24,10 +24,10 @@ from mpmtop.optimize.checkpoint import (
     load_checkpoint,
     save_checkpoint,
 )
-from mpmtop.optimize.protocols import E, Problem, State, UpdateRule
-from mpmtop.optimize.start import Start, carried, check_levels, starting_design
-from mpmtop.optimize.state import checked_start, initial_state
-from mpmtop.optimize.stopping import PAPER_RULE, History, StoppingRule
+from mpmtop.optimizers.protocols import E, Problem, State, UpdateRule
+from mpmtop.optimizers.start import Start, carried, check_levels, starting_design
+from mpmtop.optimizers.state import checked_start, initial_state
+from mpmtop.optimizers.stopping import PAPER_RULE, History, StoppingRule
 
 FEASIBLE = 1e-3
 """The largest constraint of a converged design, constraints being of order one: a thousandth of the limit. The

@@ -7,9 +7,9 @@ import numpy as np
 from scipy.optimize import brentq
 
 from mpmtop.arrays import Array
-from mpmtop.optimize.protocols import E, Problem, State
-from mpmtop.optimize.state import check_move, scaled_functions, scaled_values
-from mpmtop.optimize.subproblem import SMALLEST
+from mpmtop.optimizers.protocols import E, Problem, State
+from mpmtop.optimizers.state import check_move, scaled_functions, scaled_values
+from mpmtop.optimizers.subproblem import SMALLEST
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from mpmtop.errors import NotConverged
-from mpmtop.optimize import GCMMA, MMA, OptimalityCriteria, SingleStepGCMMA, UpdateRule
-from tests.mpmtop.optimize.problems import ALL_RULES, RULES, Analytic, cantilever, ripples, spheres, steps
+from mpmtop.optimizers import GCMMA, MMA, OptimalityCriteria, SingleStepGCMMA, UpdateRule
+from tests.mpmtop.optimizers.problems import ALL_RULES, RULES, Analytic, cantilever, ripples, spheres, steps
 
 
 @pytest.mark.parametrize("rule", RULES, ids=repr)

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from mpmtop.arrays import Array
-from mpmtop.optimize import GCMMA, MMA, Iterate, OptimalityCriteria, SingleStepGCMMA, State, UpdateRule, initial_state
+from mpmtop.optimizers import GCMMA, MMA, Iterate, OptimalityCriteria, SingleStepGCMMA, State, UpdateRule, initial_state
 
 Function = Callable[[Array], Any]
 RULES: list[UpdateRule] = [MMA(), GCMMA(), GCMMA(warm_start=True), SingleStepGCMMA()]

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from mpmtop.arrays import Array
-from mpmtop.optimize.mma import advance, approximate, step_once
-from mpmtop.optimize.protocols import E, Problem, State
-from mpmtop.optimize.state import check_move, scaled_functions, scaled_values, variable_range
-from mpmtop.optimize.subproblem import SMALLEST, approximation, solve_subproblem
+from mpmtop.optimizers.mma import advance, approximate, step_once
+from mpmtop.optimizers.protocols import E, Problem, State
+from mpmtop.optimizers.state import check_move, scaled_functions, scaled_values, variable_range
+from mpmtop.optimizers.subproblem import SMALLEST, approximation, solve_subproblem
 
 LEAST_CURVATURE = 1e-6
 # A function counts as conservatively approximated if it exceeds f~ by less than this, relative to the objective and to

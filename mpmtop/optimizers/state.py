@@ -6,8 +6,8 @@ import numpy as np
 
 from mpmtop.arrays import Array
 from mpmtop.errors import NotConverged
-from mpmtop.optimize.protocols import E, Evaluation, Problem, State
-from mpmtop.optimize.subproblem import SMALLEST
+from mpmtop.optimizers.protocols import E, Evaluation, Problem, State
+from mpmtop.optimizers.subproblem import SMALLEST
 
 LEAST_SLOPE = 1e-3
 """Of the scaled objective, by its linear part from corner to corner of the bounds: below, the curvature that plain MMA

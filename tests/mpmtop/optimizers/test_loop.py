@@ -9,7 +9,7 @@ import pytest
 
 from mpmtop.arrays import Array
 from mpmtop.errors import NotConverged
-from mpmtop.optimize import (
+from mpmtop.optimizers import (
     GCMMA,
     MMA,
     History,
@@ -21,7 +21,7 @@ from mpmtop.optimize import (
     optimize,
     relative_change,
 )
-from tests.mpmtop.optimize.problems import ALL_RULES, Analytic, Bars, steps
+from tests.mpmtop.optimizers.problems import ALL_RULES, Analytic, Bars, steps
 
 
 @pytest.mark.parametrize("rule", ALL_RULES, ids=repr)

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mpmtop.optimize import (
+from mpmtop.optimizers import (
     GCMMA,
     MMA,
     CheckpointError,
@@ -22,7 +22,7 @@ from mpmtop.optimize import (
     continuation,
     optimize,
 )
-from tests.mpmtop.optimize.problems import ALL_RULES, Bars, Values, same
+from tests.mpmtop.optimizers.problems import ALL_RULES, Bars, Values, same
 from validation.studies.stability.interruption import interrupted
 
 
@@ -173,7 +173,7 @@ def test_kill_9(k: int, tmp_path: Path) -> None:
     """A process killed by SIGKILL in the iteration after the k-th, or wherever it has got to by then, and resumed."""
     path = tmp_path / "run.npz"
     program = (
-        "import sys; from pathlib import Path; from mpmtop.optimize import GCMMA, optimize\n"
+        "import sys; from pathlib import Path; from mpmtop.optimizers import GCMMA, optimize\n"
         "from validation.studies.stability.interruption import interrupted\n"
         "for i in optimize(interrupted(), GCMMA(), checkpoint=Path(sys.argv[1])): print(i.iteration, flush=True)"
     )

@@ -22,9 +22,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from mpmtop.arrays import Array
-from mpmtop.optimize.protocols import E, Problem, State
-from mpmtop.optimize.state import check_move, scaled_functions, scaled_values, variable_range
-from mpmtop.optimize.subproblem import AT_ONCE, Subproblem, solve_subproblem
+from mpmtop.optimizers.protocols import E, Problem, State
+from mpmtop.optimizers.state import check_move, scaled_functions, scaled_values, variable_range
+from mpmtop.optimizers.subproblem import AT_ONCE, Subproblem, solve_subproblem
 
 MMA_CURVATURE = 1e-5  # rho of plain MMA
 STILL = 1e-9  # a step below this part of the range is rounding: its sign must not move an asymptote
