@@ -13,7 +13,7 @@ How a body is discretised:
     points          MaterialPoints, seed; quadtree refines them, grid lies behind them
     model           discretise(body, h, ppc, shape_function) -> Model
     equilibrium     equilibrium(model, moduli): displacements and strains, checked; mechanism names what moves freely
-    transfer, material, b_bar, ghost, stiffness, solvers    what these are made of
+    transfer, voigt, material, b_bar, ghost, stiffness, solvers    what these are made of
     diagnose        what misleads about a body: glued gaps, near-mechanisms, points on grid lines
 
 How a design is optimised:

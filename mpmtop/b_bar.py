@@ -23,7 +23,7 @@ import scipy.sparse as sp
 from mpmtop.arrays import Array
 from mpmtop.grid import Grid
 from mpmtop.points import MaterialPoints
-from mpmtop.transfer import Transfer, located
+from mpmtop.transfer import Transfer, located, operators
 
 
 def with_mean_dilatation(grid: Grid, points: MaterialPoints, transfer: Transfer) -> Transfer:
@@ -51,8 +51,6 @@ def with_mean_dilatation(grid: Grid, points: MaterialPoints, transfer: Transfer)
     node = lower_left[:, None] + ((first + np.indices(window).reshape(2, n).T) @ [row, 1])
     stencil = np.where(in_cell, np.searchsorted(transfer.nodes, node), 0)[of_cell]
     touched = in_cell[of_cell]
-    column = (2 * stencil[:, :, None] + np.arange(2))[touched]
-    start = np.concatenate([[0], np.cumsum(2 * np.count_nonzero(touched, axis=1))])
-    half = sp.csr_array((b_bar[touched].ravel(), column.ravel(), start), shape=(p, transfer.B.shape[1]))
-    B = sp.csr_array(transfer.B + sp.kron(half, [[1], [1], [0]], format="csr"))
-    return replace(transfer, stencil=stencil, touched=touched, N=widened(transfer.N), grad_N=grad_N, B=B, b_bar=b_bar)
+    N = widened(transfer.N)
+    N_matrix, B = operators(stencil, touched, N, grad_N, len(transfer.nodes), b_bar)
+    return replace(transfer, stencil=stencil, touched=touched, N=N, grad_N=grad_N, N_matrix=N_matrix, B=B, b_bar=b_bar)

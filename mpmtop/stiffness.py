@@ -18,6 +18,7 @@ from mpmtop.ghost import GhostPenalty
 from mpmtop.grid import Grid
 from mpmtop.points import MaterialPoints
 from mpmtop.transfer import Transfer
+from mpmtop.voigt import local_B
 
 BY_CELL = 20_000
 """Points from which the map goes through cells: the sparse matrix takes 0.75 kB for each point, this 0.1 kB on a
@@ -149,14 +150,7 @@ def _point_map(
 
 def _local(grad_N: Array, b_bar: Array | None, volume: Array, D: Array) -> Array:
     """V_p B_p^T D B_p, (p, 2n, 2n), of points with gradients (p, n, 2), and B-bar's part (p, n, 2) of them if any."""
-    p, n = grad_N.shape[:2]
-    gx, gy = np.moveaxis(grad_N, -1, 0)
-    B = np.zeros((p, 3, n, 2))
-    B[:, 0, :, 0] = B[:, 2, :, 1] = gx
-    B[:, 1, :, 1] = B[:, 2, :, 0] = gy
-    if b_bar is not None:
-        B[:, :2] += b_bar[:, None]
-    strain = B.reshape(p, 3, 2 * n)
+    strain = local_B(grad_N, b_bar).reshape(len(grad_N), len(D), -1)
     return np.einsum("pai,pab,pbj->pij", strain, volume[:, None, None] * D, strain, optimize=True)
 
 

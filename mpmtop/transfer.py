@@ -7,7 +7,6 @@
 Degrees of freedom are numbered 2 node + component over the nodes that some point touches; others do not exist.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -19,6 +18,7 @@ from mpmtop.errors import PositionOutsideBody
 from mpmtop.grid import Grid
 from mpmtop.points import MaterialPoints
 from mpmtop.shape_functions import Ends, ShapeFunction
+from mpmtop.voigt import entries, local_B
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,17 +98,14 @@ def transfer(grid: Grid, points: MaterialPoints, shape_function: ShapeFunction, 
     return Transfer(active, stencil, touched, N, grad_N, *operators(stencil, touched, N, grad_N, len(active)))
 
 
-def operators(stencil: Index, touched: Mask, N: Array, grad_N: Array, a: int) -> tuple[sp.csr_array, sp.csr_array]:
-    """N (p, a) and B (3p, 2a) of weights on stencils (p, n) among a nodes."""
-    p, n = stencil.shape
-    gx, gy = np.moveaxis(grad_N, -1, 0)
-    # rows 3p, 3p+1, 3p+2: eps_xx = u_x,x; eps_yy = u_y,y; gamma_xy = u_x,y + u_y,x
-    shear = np.stack([gy, gx], axis=-1).reshape(p, 2 * n)
-    both = (2 * stencil[:, :, None] + np.arange(2)).reshape(p, 2 * n)
-    B = _rows(
-        [(gx, 2 * stencil, touched), (gy, 2 * stencil + 1, touched), (shear, both, touched.repeat(2, axis=1))], 2 * a
-    )
-    return _rows([(N, stencil, touched)], a), B
+def operators(
+    stencil: Index, touched: Mask, N: Array, grad_N: Array, a: int, b_bar: Array | None = None
+) -> tuple[sp.csr_array, sp.csr_array]:
+    """N (p, a) and B (3p, 2a) of weights on stencils (p, n) among a nodes; see `mpmtop.voigt` for the order of rows."""
+    B, d = local_B(grad_N, b_bar), grad_N.shape[-1]
+    stored = touched[:, None, :, None] & entries(d, b_bar is not None)[:, None, :]
+    column = np.broadcast_to((d * stencil[:, :, None] + np.arange(d))[:, None], B.shape)
+    return _rows(N, touched, stencil, a), _rows(B, stored, column, d * a)
 
 
 class Functions(NamedTuple):
@@ -157,9 +154,9 @@ def functions_at(
     return Functions(*operators(stencil, touched, N, grad_N, len(nodes)))
 
 
-def _rows(kinds: Sequence[tuple[Array, Index, Mask]], columns: int) -> sp.csr_array:
-    """Sparse matrix whose rows, of k kinds in turn, have the values (p, n) in ascending columns (p, n) where kept."""
-    values, column, kept = (np.concatenate(part, axis=1) for part in zip(*kinds, strict=True))
-    count = np.stack([np.count_nonzero(kind[2], axis=1) for kind in kinds], axis=1).ravel()
+def _rows(values: Array, stored: Mask, column: Index, columns: int) -> sp.csr_array:
+    """Sparse matrix of the values that are `stored`: one row (n,) for each point, or v rows (v, n, d) for each, along
+    which the columns ascend; all of one shape."""
+    count = np.count_nonzero(stored, axis=1 if stored.ndim == 2 else (2, 3)).ravel()
     start = np.concatenate([[0], np.cumsum(count)])
-    return sp.csr_array((values[kept], column[kept], start), shape=(len(count), columns))
+    return sp.csr_array((values[stored], column[stored], start), shape=(len(count), columns))

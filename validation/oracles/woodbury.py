@@ -31,6 +31,7 @@ from mpmtop.design import Design
 from mpmtop.material import simp, tangent, von_mises
 from mpmtop.problem import DesignProblem
 from mpmtop.scene import Compliance, PNormStress
+from mpmtop.voigt import local_B
 from reference_fem.elasticity import strain_operator
 from reference_fem.simp import DesignProblem as FemProblem
 
@@ -134,11 +135,8 @@ def material_points(problem: DesignProblem) -> System:
     model = problem.model
     transfer, pattern = model.transfer, model.stiffness
     p, nodes = transfer.stencil.shape
-    gx, gy = np.moveaxis(transfer.grad_N, -1, 0)
-    B = np.zeros((p, 3, nodes, 2))
-    B[:, 0, :, 0] = B[:, 2, :, 1] = gx
-    B[:, 1, :, 1] = B[:, 2, :, 0] = gy
-    F = np.sqrt(model.points.volume)[:, None, None] * (np.linalg.cholesky(model.D).T @ B.reshape(p, 3, 2 * nodes))
+    B = local_B(transfer.grad_N, transfer.b_bar).reshape(p, 3, 2 * nodes)
+    F = np.sqrt(model.points.volume)[:, None, None] * (np.linalg.cholesky(model.D).T @ B)
 
     def matrix(moduli: Numbers) -> sp.csr_array:
         lower = sp.csr_array((pattern.data(moduli), (pattern.row, pattern.col)), shape=2 * pattern.dof.shape)
