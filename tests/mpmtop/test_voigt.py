@@ -8,7 +8,7 @@ from mpmtop.voigt import PAIRS, entries, local_B
 
 @pytest.mark.parametrize("d", [2, 3])
 def test_strain_of_a_linear_field(d: int) -> None:
-    """u = A x at the corners of a simplex, whose functions have constant gradients: eps = (A + A^T) / 2, with engineering
+    """u = A x at the corners of a simplex, whose gradients are constant: eps = (A + A^T) / 2, with engineering
     shear; a rotation has none."""
     rng = np.random.default_rng(0)
     corners, A = rng.normal(size=(d + 1, d)), rng.normal(size=(d, d))
