@@ -14,7 +14,7 @@ CONTENTS = Contents(
         "Verification": ("verification", "sensitivity", "shape_functions", "locking", "errata"),
         "The paper": (
             *("removal", "cantilever", "l_bracket", "crossing_cantilever", "crossing_l_bracket", "hole"),
-            "multi_resolution",
+            *("multi_resolution", "choices"),
         ),
         "Beyond the paper": ("crossing", "work_precision"),
         "Cost": ("scale", "skipping", "peers"),

@@ -74,6 +74,26 @@ class Wave:
 
 
 @dataclass(frozen=True)
+class Bump:
+    """The sum of `amplitude` exp(-((x - b + 1/4) / `width`)^2) over every `every`-th cell boundary b inside the body:
+    the column left of it, 1/4 before it, goes about as far as `Periodic`'s, and its neighbours come along."""
+
+    every: int
+    width: float = 1.5
+    amplitude: float = 0.26
+
+    def __call__(self, points: MaterialPoints, body: Region) -> MaterialPoints:
+        first, last = (float(corner[0]) / H for corner in body.bounds)
+        boundaries = self.every * np.arange(np.floor(first / self.every) + 1, np.ceil(last / self.every))
+        from_crest = points.x[:, :1] / H - boundaries + 0.25
+        distance = self.amplitude * np.sum(np.exp(-((from_crest / self.width) ** 2)), axis=1)
+        return moved_inside(points, distance, body)
+
+    def __str__(self) -> str:
+        return f"bump({self.every}, {self.width:g}, {self.amplitude:g})"
+
+
+@dataclass(frozen=True)
 class Jitter:
     """Every point by an independent, uniformly distributed distance of at most `amplitude`, but those nearer to an end:
     had they only one way to go, the ends would move inwards on average."""

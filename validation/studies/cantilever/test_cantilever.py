@@ -86,7 +86,10 @@ def test_solid_stress(report: Report, lock: Lock, analysers: dict[str, Analyser]
     }
     holds = [
         report.check(
-            "number of material points", len(x), int(paper.CANTILEVER_POINTS.value), source=paper.CANTILEVER_POINTS
+            "number of material points, cantilever",
+            len(x),
+            int(paper.CANTILEVER_POINTS.value),
+            source=paper.CANTILEVER_POINTS,
         ),
         report.check("points whose domain leaves its cell", int(leaves.sum()), 0, source=paper.NO_CROSSING),
     ]

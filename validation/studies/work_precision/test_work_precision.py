@@ -209,7 +209,7 @@ def test_finest(report: Report, progress: ShowProgress, name: str) -> None:
     reached = frame.groupby(["quantity", "method"])["error"].min()
     for error in reached.index.unique("quantity"):
         report.check(
-            f"least error of the {error}, material points over elements",
+            f"least error of the {error}, material points over elements ({name.replace('_', ' ')})",
             float(reached[error].drop(list(FEM.values())).min() / reached[error][list(FEM.values())].min()),
             source="for comparison",
         )

@@ -42,8 +42,9 @@ RTOL_OPTIMUM = 2e-3
 RTOL_ANALYSIS = 1e-8
 """One analysis of a given design: condition number 1e5 times rounding 1e-16, with three digits to spare."""
 
-RTOL_COMPLIANCE, RTOL_RISE = 0.01, 0.1
-"""Agreement with the paper: crossing changes the optimum by a few per cent, and a rise is what it changes."""
+RTOL_COMPLIANCE, RTOL_RISE = 0.0125, 0.1
+"""Agreement with the paper: an optimum to what it scatters by update rule and start (1.2 %, study of open choices); a
+rise to a tenth, being itself what crossing makes."""
 
 FAMILIES: dict[str, tuple[Crossing, ...]] = {
     "uniform(s)": tuple(Uniform(s) for s in (0.26, 0.3, 0.4, 0.5, 0.6, 0.7, 0.74)),
@@ -488,7 +489,7 @@ def test_numbers_of_the_paper(
     crossing, rise = calibrations[REPRODUCTION]
     final = {name: runs[REPRODUCTION, name].final for name in NAMES}
     shift = str(crossing)
-    compliance = f"{RTOL_COMPLIANCE:.0%}: crossing changes the optimum by a few per cent"
+    compliance = f"{RTOL_COMPLIANCE:.2%}: what the optimum scatters by update rule and start"
     tenth = f"{RTOL_RISE:.0%} of it: a rise is what crossing makes"
     spread = [runs[family, "standard"].final / still.final - 1 for family in calibrations]
     depends = (

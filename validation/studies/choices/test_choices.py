@@ -1,0 +1,280 @@
+"""What the paper leaves open, each way
+
+Where the paper is silent the other studies choose once, with a reason. Here each open choice is taken in every
+plausible way, stated before looking at what comes out, and all that comes out is listed: which von Mises stress, which
+update rule and where it is stopped, where the cantilever is loaded and with which radius, which pattern of crossing.
+What agrees under one choice and not under another shows what the paper may have run: an **inference**, no reproduction.
+The third reading of a hole and the starts of several resolutions are in their own studies.
+Units: h = F = E0 = 1; radii in point spacings, h/2.
+"""
+
+from typing import Any
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+import pytest
+
+from validation import paper
+from validation.bodies.scenes import l_bracket
+from validation.harness.lock import Lock
+from validation.harness.report import Report
+from validation.methods.analyser import METHODS, Optimisation
+from validation.paper import Compared, compare
+from validation.studies.choices import bracket, cantilever
+from validation.studies.choices.bracket import MEASURES, NAMES, STOPS, Case
+from validation.studies.choices.cantilever import BASES, FAMILIES, RULES, SEEDS, Base
+
+pytestmark = pytest.mark.filterwarnings("ignore::mpmtop.diagnose.ModelWarning")
+
+RTOL_BRACKET = 0.03
+"""As in the study of the bracket: rounding is amplified over 250 iterations of an objective with many near-optima."""
+RTOL_OPTIMUM = 2e-3
+"""As in the study of the cantilever."""
+RTOL_ANALYSIS = 1e-8
+"""One analysis of a given design: condition number 1e6 times rounding 1e-16, with two digits to spare."""
+RTOL_CROSSED = 0.01
+"""Of optima with crossing: where a pattern makes two layouts equally good, rounding decides between them."""
+RTOL_TIP = 0.01
+"""Of the paper's 13.8 %: its last digit is 0.7 % of it."""
+SHOWN_RADIUS = bracket.RADII[1]
+"""Whose numbers are claims: the middle one."""
+OUT = {"von_mises": "with sigma_zz", "von_mises_in_plane": "in the plane"}
+
+
+@pytest.mark.benchmark
+def test_measures(report: Report, lock: Lock) -> None:
+    """Sect. 5.2.2 by both measures of stress
+
+    In plane strain a von Mises stress has a sigma_zz = nu (sigma_xx + sigma_yy), which codes that began with plane
+    stress leave out. Both are run: the same p-norm of the other stress is another objective. Points as in the bracket's
+    study of crossing, GCMMA warm-started, three filter radii. **In the plane the four largest stresses fit and the
+    p-norm's excess over FEM does not; with sigma_zz it is the other way round.** Neither gives every number, so neither
+    is claimed. Stresses in Pa by the force that makes the first of GIMP's 2.24.
+    """
+    cases = [Case(n, bracket.CROSSING, m, r) for r in bracket.RADII for m in MEASURES for n in NAMES]
+    runs = bracket.optimised(cases)
+    over = {m: excess_over_fem(m) for m in MEASURES}
+    (from_standard, to_standard), (from_gimp, to_gimp) = (
+        paper.L_BRACKET_CROSSING_STANDARD,
+        paper.L_BRACKET_CROSSING_GIMP,
+    )
+    rows: dict[tuple[str, float | str], dict[str, float]] = {}
+    rows["the paper", "not stated"] = {
+        "p-norm over FEM, standard": paper.L_BRACKET_CROSSING_P_NORM.value,
+        "before, standard": from_standard.value,
+        "before, GIMP": from_gimp.value,
+        "after, standard": to_standard.value,
+        "after, GIMP": to_gimp.value,
+        "reduction, standard": 1 - to_standard.value / from_standard.value,
+        "reduction, GIMP": 1 - to_gimp.value / from_gimp.value,
+    }
+    for measure in MEASURES:
+        for radius in bracket.RADII:
+            run = {n: runs[Case(n, bracket.CROSSING, measure, radius)] for n in NAMES}
+            before = {n: bracket.largest(Case(n, bracket.CROSSING, measure, radius)) for n in NAMES}
+            after = {n: bracket.largest(Case(n, bracket.CROSSING, measure, radius), run[n]) for n in NAMES}
+            Pa = from_gimp.value / before["GIMP"]
+            rows[OUT[measure], radius] = (
+                {f"p-norm over FEM, {n}": over[measure][n] for n in NAMES}
+                | {f"before, {n}": Pa * before[n] for n in NAMES}
+                | {f"after, {n}": Pa * after[n] for n in NAMES}
+                | {f"reduction, {n}": 1 - after[n] / before[n] for n in NAMES}
+                | {f"p-norm, {n}": run[n].final for n in NAMES}
+            )
+    table = pd.DataFrame.from_dict(rows, orient="index").rename_axis(["von Mises stress", "radius"])
+    percent = [column for column in table.columns if "over FEM" in column or "reduction" in column]
+    caption = "Every number of Sect. 5.2.2 by both measures and three radii; largest stresses in Pa, p-norm in F/h."
+    report.table("measures", table, caption, 4, percent=percent)
+    for measure in MEASURES:
+        row, choice = rows[OUT[measure], SHOWN_RADIUS], f"{OUT[measure]}, radius {SHOWN_RADIUS:g} spacings"
+        other = "the other measure meets it and misses what this one meets (table)"
+        share = "5 % of it: the force is fitted to one stress, and peaks of a p-norm optimum are even to about that"
+        stated = {"standard": (from_standard, to_standard), "GIMP": (None, to_gimp)}
+        numbers = [
+            Compared(f"largest von Mises stress {when}, {n} [Pa]", s, row[f"{when}, {n}"], choice, 0.05, share, other)
+            for n in NAMES
+            for when, s in zip(("before", "after"), stated[n], strict=True)
+            if s is not None
+        ]
+        excess = paper.L_BRACKET_CROSSING_P_NORM
+        key = "p-norm over FEM, standard"
+        numbers.append(
+            Compared(
+                "p-norm of the solid, standard: excess over FEM",
+                *(excess, row[key], OUT[measure], 0.15, "“approximately”: 15 % of it", other),
+            )
+        )
+        compare(report, numbers)
+    lock(
+        {f"{c.name}, {c.measure}, {c.radius:g}": run.final for c, run in runs.items()},
+        rtol=RTOL_BRACKET,
+    )
+
+
+def excess_over_fem(measure: Any) -> dict[str, float]:
+    """By method: p-norm of the solid bracket with crossing over that by finite elements, less one."""
+    fem = METHODS["FEM"](l_bracket(objective=bracket.objective(measure)))
+    reference = fem.problem.analyse(np.ones(len(fem.x))).objective
+    return {n: bracket.solid(Case(n, bracket.CROSSING, measure, 2.0)).objective / reference - 1 for n in NAMES}
+
+
+@pytest.mark.benchmark
+def test_update_rules(report: Report, lock: Lock) -> None:
+    """“Decreased by 97 %” and the empty corner: one step of GCMMA an iteration
+
+    Without its inner loop GCMMA takes a step as it comes. In the first iterations the p-norm rises several-fold above
+    its start, the corner is emptied, and it fills again on the way to convergence; the conservative rule never rises,
+    keeps the corner and ends lower. So “more than 201 iterations”, “97 %” (below the history's maximum) and “no
+    material at the corner” fit **a transient of the unconservative rule**, stopped early; “almost monotonic” does not
+    fit it. An inference: the paper does not say what it ran. In-plane stress, radius 2; with sigma_zz beside it.
+    """
+    plane, zz = MEASURES[1], MEASURES[0]
+    single, conservative = bracket.SINGLE_STEP, bracket.CONSERVATIVE
+    cases = {
+        "single step, in the plane": Case("standard", None, plane, 2.0, single, 1000),
+        "conservative, in the plane": Case("standard", None, plane, 2.0, conservative),
+        "single step, with sigma_zz": Case("standard", None, zz, 2.0, single, 1000),
+    }
+    runs = dict(zip(cases, bracket.optimised(list(cases.values())).values(), strict=True))
+    rows: dict[tuple[str, int], dict[str, float]] = {}
+    for name, run in runs.items():
+        for k, design in run.designs.items():
+            J = run.objective
+            rows[name, k] = {
+                "p-norm": J[k],
+                "below the start": 1 - J[k] / J[0],
+                "below the maximum so far": 1 - J[k] / J[: k + 1].max(),
+                "volume fraction": run.volume[k],
+                "corner to material [h]": bracket.clearance(design),
+            }
+    table = pd.DataFrame.from_dict(rows, orient="index").rename_axis(["rule", "stopped at iteration"])
+    report.table(
+        "update_rules",
+        table,
+        "The same run stopped early and at its end (converged, or 1,000 iterations); without crossing.",
+        percent=("below the start", "below the maximum so far"),
+    )
+    draw_rules(report, runs)
+    name = "single step, in the plane"
+    early = rows[name, STOPS[-1]]
+    definition = f"{name}, stopped at {STOPS[-1]}"
+    reason = "by this definition the start is the measure, and no rule comes so far: see the table"
+    for key in ("below the start", "below the maximum so far"):
+        report.check(
+            f"p-norm {key}; {definition}",
+            early[key],
+            paper.L_BRACKET_REDUCTION.value,
+            rtol=0.01,
+            source=paper.L_BRACKET_REDUCTION,
+            why="the printed 97 % is known to half a per cent",
+            reason=reason,
+        )
+    report.check(
+        f"distance from the re-entrant corner to the nearest material [h]; {definition}",
+        early["corner to material [h]"],
+        at_least=1.0,
+        source=paper.EMPTY_CORNER,
+        why="nearer than two points is the corner",
+        reason="by then the corner has filled again",
+    )
+    lock({key: run.final for key, run in runs.items() if "conservative" in key}, rtol=RTOL_BRACKET)
+
+
+def draw_rules(report: Report, runs: dict[str, Optimisation]) -> None:
+    figure, (top, bottom) = plt.subplots(2, 1, figsize=(5.4, 5.4), sharex=True, height_ratios=(2, 1))
+    for name, run in runs.items():
+        k = np.maximum(np.arange(len(run.objective)), 0.5)  # the start at 1/2: the axis is logarithmic
+        top.loglog(k, run.objective, label=name)
+        bottom.semilogx(k, run.volume)
+    top.set(ylabel="p-norm [F/h]", yticks=(1, 2, 5, 10, 20, 50), yticklabels=("1", "2", "5", "10", "20", "50"))
+    top.minorticks_off()
+    top.legend(fontsize="x-small")
+    bottom.set(xlabel="iteration (start at 1/2)", ylabel="volume fraction")
+    report.figure("update_rules", figure, "p-norm and volume by iteration: what a conservative rule spares.")
+
+
+@pytest.mark.benchmark
+def test_second_cantilever(report: Report, lock: Lock) -> None:
+    """83.57: load, radius, update rule, start
+
+    The force at the bottom corner and a radius of 2 to 2.5 spacings come as near to 83.57 as the study's own at
+    mid-height with 3. What a rule or a start makes of one scene is its **scatter**: no claim on an optimum can be
+    held to less.
+    """
+    grid = [Base(base.load, r, rule) for base in BASES for r in cantilever.RADII for rule in RULES]
+    spread = [(base._replace(rule=rule), seed) for base in BASES for rule in RULES for seed in SEEDS[1:]]
+    done = cantilever.optima([(base, "standard", None, 0) for base in grid])
+    scattered = cantilever.optima([(base, "standard", None, seed) for base, seed in spread])
+    value = {base: run.final for base, run in zip(grid, done, strict=True)}
+    rows = {
+        (load, radius): {rule: value[Base(load, radius, rule)] for rule in RULES}
+        for load, radius in dict.fromkeys((base.load, base.radius) for base in grid)
+    }
+    table = pd.DataFrame.from_dict(rows, orient="index").rename_axis(["load", "radius / spacing"])
+    table["by rule: largest over least"] = table.max(axis=1) / table.min(axis=1) - 1
+    report.table(
+        "second", table, "Optimised compliance by update rule, uniform start.", percent=[str(table.columns[-1])]
+    )
+    every: dict[Base, list[float]] = {base: [value[base._replace(rule=rule)] for rule in RULES] for base in BASES}
+    for (base, _), run in zip(spread, scattered, strict=True):
+        every[base._replace(rule="GCMMA")].append(run.final)
+    scatter = {
+        f"{base.load}, {base.radius:g}": {
+            "runs": len(values),
+            "best": min(values),
+            "mean": float(np.mean(values)),
+            "worst": max(values),
+            "worst over best": max(values) / min(values) - 1,
+        }
+        for base, values in every.items()
+    }
+    report.table(
+        "scatter",
+        pd.DataFrame.from_dict(scatter, orient="index").rename_axis("cantilever"),
+        f"Optimised compliance over {len(RULES)} rules times {len(SEEDS)} starts, the uniform one among them.",
+        percent=("worst over best",),
+    )
+    for base, values in every.items():
+        report.check(
+            f"optimised compliance, mean over rules and starts; load at {base.load}, radius {base.radius:g} [F²/E0]",
+            float(np.mean(values)),
+            paper.CANTILEVER_COMPLIANCE.value,
+            rtol=max(values) / min(values) - 1,
+            source=paper.CANTILEVER_COMPLIANCE,
+            why="its own scatter over rules and starts",
+            reason="load and radius are chosen for it, from a grid of radii",
+        )
+    lock({f"{b.load}, {b.radius:g}, {b.rule}": J for b, J in value.items() if b.rule == "GCMMA"}, rtol=RTOL_OPTIMUM)
+
+
+def test_tips(report: Report, lock: Lock) -> None:
+    """Which pattern of crossing can give both tip displacements
+
+    Every member of every family, by the rise of the solid's tip displacement alone: the paper's are +13.8 % with
+    standard MPM and less than 1.8 % with GIMP. Where a column jumps alone (**periodic**) it leaves a gap and makes an
+    overlap, and GIMP, which integrates over the domains, counts both. Where neighbours move almost alike (**wave**,
+    **bump**) the domains still tile the body, so that GIMP hardly notices, while standard MPM counts points by cell and
+    loses a column all the same. Under **uniform** there is the lever arm, and the gap at the clamp.
+    """
+    base = BASES[0]
+    still = {name: cantilever.tip(base, name) for name in NAMES}
+    rows = {
+        (family, str(member)): {name: cantilever.tip(base, name, member) / still[name] - 1 for name in NAMES}
+        for family, members in FAMILIES.items()
+        for member in members
+    }
+    table = pd.DataFrame.from_dict(rows, orient="index").rename_axis(["family", "member"])
+    standard, gimp = paper.CANTILEVER_CROSSING_TIP_STANDARD, paper.CANTILEVER_CROSSING_TIP_GIMP
+    both = (np.abs(table["standard"] / standard.value - 1) <= RTOL_TIP) & (table["GIMP"] <= gimp.value)
+    table["meets both"] = np.where(both, "yes", "no")
+    report.table("tips", table, "Rise of the solid's tip displacement, load at mid-height.", 4, percent=NAMES)
+    meeting = [member for _, member in table.index[both]]
+    met = report.check(
+        f"members of any family that give both tip displacements, of {len(table)}: {', '.join(meeting) or 'none'}",
+        len(meeting),
+        at_least=1,
+        source="our reading: 13.8 % to 1 % of it, about its last digit, and at most 1.8 %",
+    )
+    lock({f"{member}, {n}": row[n] for (_, member), row in rows.items() for n in NAMES}, rtol=1e-6)
+    assert met
