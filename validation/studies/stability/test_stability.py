@@ -68,6 +68,8 @@ RTOL_CONDITION = 1e-6
 """Condition numbers of small matrices below 1e9: seven digits are left."""
 EVERY = 12
 """Of the analyses, one in twelve is done by multigrid, too."""
+ANSWERED = 0.8
+"""Part of the analyses that both solvers must answer: with fewer, a comparison of them says little."""
 Cuts = dict[tuple[str, float], dict[str, float]]
 """Quantities by remedy and size of the cut."""
 
@@ -102,17 +104,13 @@ def outcomes_twice(every: int) -> tuple[Outcome, ...]:
     return tuple(outcome(analyses[i].twice) for i in drawn)
 
 
-def tabulate(report: Report, name: str, found: tuple[Outcome, ...], caption: str, right: int) -> bool:
-    """Record the counts by family, whether nothing else came out, and whether at least so many are `right`; what else
-    came out is named in the claim."""
+def tabulate(report: Report, name: str, found: tuple[Outcome, ...], caption: str) -> bool:
+    """Record the counts by family, and whether nothing else came out; what else did is named in the claim."""
     report.table(name, tally(found), caption)
     other = [f"{case.family} ({case.name}): {case.what}" for case in found if case.kind == "other"]
     named = f"; the first: {other[0]}".replace("|", "/")[:200] if other else ""
     what = name.replace("_", " ")
-    none_else = report.check(f"outcomes other than these three, {what}{named}", len(other), 0, source="our aim")
-    number = sum(case.kind == "right" for case in found)
-    enough = report.check(f"right cases, {what}", number, at_least=right, source="so that errors do not replace them")
-    return none_else and enough
+    return report.check(f"outcomes other than these three, {what}{named}", len(other), 0, source="our aim")
 
 
 def displacements(model: Model) -> tuple[Array, Array]:
@@ -134,7 +132,7 @@ def test_positions(report: Report) -> None:
     scene and its grid moved to another origin, by irrational numbers and by 1e6 h, where positions are known to 1e-10 h
     only: the compliance of the scene in its place. The grid alone moved.
     """
-    none_else = tabulate(report, "positions", outcomes("Positions"), "Positions: cases and outcomes.", 740)
+    none_else = tabulate(report, "positions", outcomes("Positions"), "Positions: cases and outcomes.")
     draw_positions(report)
     assert none_else
 
@@ -197,7 +195,7 @@ def test_small_cuts(report: Report, lock: Lock) -> None:
     condition number and the nodes, and takes most of the step away. A larger body's compliances are AMPLE's to 1e-10.
     What reaches over a line by less than 1e-12 of a cell lies on it by tolerance: the smallest cuts are none.
     """
-    none_else = tabulate(report, "small_cuts", outcomes("Small cuts"), "Small cuts: cases and outcomes.", 200)
+    none_else = tabulate(report, "small_cuts", outcomes("Small cuts"), "Small cuts: cases and outcomes.")
     sizes = 10.0 ** -np.arange(1, 15)
     still = {ghost: displacements(direct(model_of("GIMP", ghost=ghost)))[0] for ghost in (0.0, GHOST)}
     rows: Cuts = {}
@@ -292,7 +290,7 @@ def test_contrast(report: Report) -> None:
     that is more than the tolerance; what does not get there is refused.
     """
     cases = outcomes("Contrast and density fields")
-    none_else = tabulate(report, "contrast", cases, "Contrast and density fields: cases and outcomes.", 1100)
+    none_else = tabulate(report, "contrast", cases, "Contrast and density fields: cases and outcomes.")
     named = {"direct": direct, "multigrid": lambda model: model}
     rows: list[tuple[str, float, float, float]] = []
     for k in (0, 2, 4, 5, 6, 7, 8, 10, 12):
@@ -352,7 +350,7 @@ def test_points(report: Report) -> None:
     may leave that of a mechanism far above rounding: a small pivot costs two more solves, which find the direction of
     least stiffness.
     """
-    assert tabulate(report, "points", outcomes("Points"), "Points: cases and outcomes.", 690)
+    assert tabulate(report, "points", outcomes("Points"), "Points: cases and outcomes.")
 
 
 @pytest.mark.slow
@@ -364,7 +362,7 @@ def test_scales(report: Report) -> None:
     of h = E = F = 1, to 1e-10; and so must the design after five steps of GCMMA at the ends of these ranges, to 1e-8.
     Close to 0.5 the body locks, a limit.
     """
-    assert tabulate(report, "scales", outcomes("Scales"), "Scales: cases and outcomes.", 735)
+    assert tabulate(report, "scales", outcomes("Scales"), "Scales: cases and outcomes.")
 
 
 def test_parameters(report: Report) -> None:
@@ -374,7 +372,7 @@ def test_parameters(report: Report) -> None:
     Filter radius from 1e-9 h to 1000 h, volume fraction from 1e-3 to 1: five steps of GCMMA stay feasible and do not
     rise. Inputs outside their ranges, NaN and infinity among them, are refused.
     """
-    assert tabulate(report, "parameters", outcomes("Parameters"), "Parameters: cases and outcomes.", 320)
+    assert tabulate(report, "parameters", outcomes("Parameters"), "Parameters: cases and outcomes.")
 
 
 @pytest.mark.slow
@@ -386,7 +384,7 @@ def test_optimiser(report: Report) -> None:
     from the objective or its gradient, here and of the beam, ends the run by name; over 2,000 iterations neither volume
     nor objective drifts.
     """
-    assert tabulate(report, "optimiser", outcomes("Optimiser"), "Optimiser: cases and outcomes.", 70)
+    assert tabulate(report, "optimiser", outcomes("Optimiser"), "Optimiser: cases and outcomes.")
 
 
 @pytest.mark.slow
@@ -399,7 +397,7 @@ def test_interruption(report: Report) -> None:
     with one bit flipped are refused, or what they hold is whole. VTU files reopen with the numbers written.
     That SIGKILL is what ended a run is looked up in its status; a kill by time may come too late.
     """
-    none_else = tabulate(report, "interruption", outcomes("Interruption"), "Interruption: cases and outcomes.", 60)
+    none_else = tabulate(report, "interruption", outcomes("Interruption"), "Interruption: cases and outcomes.")
     killed = [end.killed for (_, moment), end in killed_runs().items() if moment in AFTER]
     hits = sum(killed)
     report.timed.text(f"Of {len(killed)} kills by time {hits} came before the end.")
@@ -418,9 +416,12 @@ def test_two_solvers(report: Report) -> None:
     1e13.
     """
     found = outcomes_twice(EVERY)
-    none_else = tabulate(report, "two_solvers", found, "Multigrid beside the direct solver: one in twelve.", 250)
+    none_else = tabulate(report, "two_solvers", found, "Multigrid beside the direct solver: one in twelve.")
     enough = report.check(
-        "analyses answered by multigrid and compared", compared(found), at_least=250, source="our aim: four of five"
+        "part of the analyses answered by multigrid and compared",
+        compared(found) / len(found),
+        at_least=ANSWERED,
+        source="our aim",
     )
     assert none_else and enough
 
@@ -432,23 +433,22 @@ def test_two_solvers_in_full(report: Report) -> None:
     As above, with every analysis.
     """
     found = outcomes_twice(1)
-    none_else = tabulate(
-        report, "two_solvers_in_full", found, "Multigrid beside the direct solver: all analyses.", 3000
-    )
+    none_else = tabulate(report, "two_solvers_in_full", found, "Multigrid beside the direct solver: all analyses.")
     enough = report.check(
-        "analyses answered by multigrid and compared, all",
-        compared(found),
-        at_least=3000,
-        source="our aim: four of five",
+        "part of the analyses answered by multigrid and compared, all",
+        compared(found) / len(found),
+        at_least=ANSWERED,
+        source="our aim",
     )
     assert none_else and enough
 
 
 @pytest.mark.slow
-def test_all_cases(report: Report) -> None:
+def test_all_cases(report: Report, lock: Lock) -> None:
     """All cases
 
-    The sections' counts; comparisons of solvers are not among the cases again. Limits are told in the docstrings of
+    The sections' counts, locked so that errors cannot take the place of right values unseen; comparisons of solvers are
+    not among the cases again. Limits are told in the docstrings of
     `discretise`, `Support`, `Material` and, for the comparisons, `MultigridCG`.
     """
     found = {section: outcomes(section) for section in SECTIONS}
@@ -472,4 +472,5 @@ def test_all_cases(report: Report) -> None:
     report.timed.text(f"The reference's numbers have {bits} bits; 53 is plain double.")
     enough = report.check("cases tried, no problem twice", len(every), at_least=5000, source="our aim")
     none_else = report.check("outcomes other than these three, all cases", rows["all"]["other"], 0, source="our aim")
+    lock({f"{section}, {kind}": part[kind] for section, part in rows.items() for kind in KINDS}, rtol=0)
     assert enough and none_else
