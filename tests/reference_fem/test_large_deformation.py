@@ -14,7 +14,7 @@ from mpmtop.large_deformation.law import Hencky, Law, NeoHookean
 from mpmtop.large_deformation.model import discretise as discretise_points
 from mpmtop.large_deformation.objectives import EndCompliance, PathCompliance, gradient
 from mpmtop.large_deformation.steps import trajectory
-from mpmtop.loads import PointLoad
+from mpmtop.loads import PositionLoad
 from mpmtop.points import seed, to_gauss_points
 from mpmtop.region import Rectangle
 from mpmtop.shape_functions import tent
@@ -116,7 +116,7 @@ def test_biquadratic_elements_follow_the_elastica() -> None:
     scene = Body(
         Rectangle((0, 0), (L, d)),
         (Support(Rectangle((0, 0), (0, d))),),
-        (PointLoad((L, d / 2), (0.0, -whole), 0),),
+        (PositionLoad((L, d / 2), (0.0, -whole)),),
         Material(1.0, 0.0),
     )
     model = large_model(discretise(scene, (2.0, 1.0), 2), LogarithmicLaw(0.0))
@@ -137,7 +137,7 @@ def test_plane_stress_and_another_poisson_are_refused() -> None:
 
 def test_load_without_equilibrium_is_named() -> None:
     """A dead load that pulls with the body's modulus: logarithmic elasticity softens before it bears that."""
-    scene = replace(cantilever(), loads=(PointLoad((20.0, 5.0), (10.0, 0.0), 0),))
+    scene = replace(cantilever(), loads=(PositionLoad((20.0, 5.0), (10.0, 0.0)),))
     model = large_model(discretise(scene, 10.0), LogarithmicLaw(0.3))
     with pytest.raises(NotConverged, match=r"load level 1 of 1: Newton's method fails from 0\.[0-9]+ on"):
         list(load_steps(model, np.ones(2), np.array([1.0])))

@@ -62,6 +62,9 @@ from validation.studies.stability.parameters import parameters
 from validation.studies.stability.runs import interruptions, killed_runs, optimisers
 from validation.studies.stability.scales import materials, runs_in_units, units
 
+# points are moved off the clamp and over grid lines on purpose
+pytestmark = pytest.mark.filterwarnings("ignore::mpmtop.diagnose.ModelWarning")
+
 ASKED = "What comes of inputs far past what is sensible: the right value, a named error, or a wrong number in silence?"
 
 RTOL_CONDITION = 1e-6
