@@ -21,8 +21,7 @@ from mpmtop.solvers.dissection import Fronts, dissect
 from mpmtop.solvers.pattern import Pattern, SingularMatrix, Solve
 
 LEAF = 32
-"""Nodes that are not dissected further: less, and Python's share grows, more, and the zeros within do (500,000 points:
-1.0 with 32, 1.04 with 64, 2.3 with 16; a tenth to either side is noise)."""
+"""Nodes that are not dissected further: less, and Python's share grows, more, and the zeros within do."""
 
 
 class Front(NamedTuple):

@@ -1,14 +1,17 @@
 """The scale study's clock: every CPU second is counted once, and the clock changes no number."""
 
 import time
+from collections.abc import Callable
+from functools import partial
 from itertools import islice
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from mpmtop.arrays import Array
 from mpmtop.objectives import STRESS_TOLERANCE
-from mpmtop.solvers import MultigridCG
+from mpmtop.solvers import MultigridCG, multigrid
 from validation.studies.scale.sizes import (
     OBJECTIVES,
     PHASES,
@@ -17,6 +20,7 @@ from validation.studies.scale.sizes import (
     alone,
     evaluations,
     exponents,
+    measurement,
     peak_memory,
     problem_of,
 )
@@ -46,6 +50,23 @@ def test_a_timed_problem_is_the_same_problem(objective: str) -> None:
     timed = [e.objective for e in islice(evaluations(TimedProblem.of(problem, clock), objective), 3)]
     assert timed == [e.objective for e in islice(evaluations(problem, objective), 3)]
     assert set(clock.spent) == set(PHASES) - {"update"}  # which `measurement` times around an iteration
+
+
+def test_cycles_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
+    """By the clock as by the cycle itself, those of state and adjoint; a direct solver has none."""
+    assert measurement(40, "p-norm", 1).cycles.tolist() == [0]
+    levels: list[int] = []
+    cycle: Callable[..., Array] = multigrid.Cycle.__call__
+
+    def counted(self: multigrid.Cycle, f: Array, level: int = 0) -> Array:
+        levels.append(level)
+        return cycle(self, f, level)
+
+    monkeypatch.setattr(multigrid.Cycle, "__call__", counted)
+    problem, clock = problem_of(40, "p-norm", partial(MultigridCG, coarsest=200)), Clock()
+    list(islice(evaluations(TimedProblem.of(problem, clock), "p-norm"), 2))
+    assert clock.cycles == levels.count(0) > 0
+    assert max(levels) > 0
 
 
 def test_exponents() -> None:

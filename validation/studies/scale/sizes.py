@@ -19,6 +19,7 @@ from mpmtop.optimizers import GCMMA, initial_state
 from mpmtop.problem import DesignProblem, Evaluation, design_problem
 from mpmtop.scene import Compliance, PNormStress
 from mpmtop.solvers import MultigridCG, Pattern, Solve, Solver, SparseCholesky, choose_solver
+from mpmtop.solvers.multigrid_cg import IteratedSolve
 from validation.bodies.scenes import SPACING, H, cantilever
 from validation.measures.timing import cpu_seconds, in_own_process
 from validation.methods.analyser import MOVE
@@ -33,10 +34,12 @@ without the adjoint's solve, which counts as one; the update is the MMA subprobl
 
 
 class Clock:
-    """CPU seconds by phase; time spent in a phase within another counts to the inner one alone."""
+    """CPU seconds by phase; time spent in a phase within another counts to the inner one alone. And multigrid's cycles,
+    one for each iteration of conjugate gradients."""
 
     def __init__(self) -> None:
         self.spent: defaultdict[str, float] = defaultdict(float)
+        self.cycles = 0
         self._running: list[str] = []
         self._since = 0.0
 
@@ -71,7 +74,7 @@ class TimedMap:
 
 @dataclass(frozen=True, eq=False)
 class TimedSolver:
-    """A solver, timed."""
+    """A solver, timed, its cycles counted."""
 
     inner: Solver
     clock: Clock
@@ -83,12 +86,21 @@ class TimedSolver:
     def factor(self, data: Array, tolerance: float | None = None) -> Solve:
         with self.clock("factorisation"):
             solve = self.inner.factor(data, tolerance)
+        if isinstance(solve, IteratedSolve):
+            solve = replace(solve, cycle=self._counted(solve.cycle))
 
         def timed(b: Array) -> Array:
             with self.clock("solve"):
                 return solve(b)
 
         return timed
+
+    def _counted(self, cycle: Solve) -> Any:
+        def counted(f: Array) -> Array:
+            self.clock.cycles += 1
+            return cycle(f)
+
+        return counted
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,14 +146,15 @@ class TimedProblem(DesignProblem):
 
 
 class Measurement(NamedTuple):
-    """Size, CPU seconds to build the operators and the filter, those of every phase of every iteration, objectives of
-    the designs, and the peak memory of the process [bytes] if it was its own."""
+    """Size, CPU seconds to build the operators and the filter, those of every phase of every iteration and its cycles
+    of multigrid, objectives of the designs, and the peak memory of the process [bytes] if it was its own."""
 
     points: int
     unknowns: int
     solver: str
     built: dict[str, float]
     iterations: list[dict[str, float]]
+    cycles: Array
     objective: Array
     peak: float = np.nan
 
@@ -185,15 +198,17 @@ def measurement(nx: int, objective: str, iterations: int) -> Measurement:
         problem = TimedProblem.of(untimed, clock)
     model = untimed.model
     built = dict(clock.spent)
-    spent, objectives = [], []
+    spent, cycles, objectives = [], [], []
     run = evaluations(problem, objective)
     for _ in range(iterations + 2):
         clock.spent.clear()
+        clock.cycles = 0
         with clock("update"):
             objectives.append(next(run).objective)
         spent.append(dict(clock.spent))
+        cycles.append(clock.cycles)
     size = len(model.points.x), len(model.stiffness.dof), type(model.solver).__name__
-    return Measurement(*size, built, spent[2:], np.array(objectives))
+    return Measurement(*size, built, spent[2:], np.array(cycles[2:]), np.array(objectives))
 
 
 def peak_memory() -> float:
