@@ -14,7 +14,7 @@ from PIL import Image
 from validation.harness.claims import PRINTED, Claim, Stand, stands
 from validation.harness.contents import Contents
 from validation.harness.report import Pixels
-from validation.harness.show import number
+from validation.harness.show import digits3
 from validation.harness.store import Study, blocks_of
 
 REACH = 0.4
@@ -141,8 +141,8 @@ class Overview:
 
 def values(design: Pixels) -> str:
     """Own and true objective of a design."""
-    true = "not judged" if design.true is None else number(design.true)
-    return f"own {number(design.own)}, true {true}"
+    true = "not judged" if design.true is None else digits3(design.true)
+    return f"own {digits3(design.own)}, true {true}"
 
 
 def loss(design: Pixels, best: Sequence[Pixels]) -> float:

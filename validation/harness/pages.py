@@ -110,7 +110,7 @@ def _environment() -> Environment:
     )
     shown = (
         *(show.html, show.inline, show.words, show.number, show.per_cent, show.show, show.observed, show.counted),
-        *(show.deviation, show.bounds, show.numeric, show.cell, stands),
+        *(show.deviation, show.digits3, show.bounds, show.numeric, show.cell, stands),
     )
     environment.filters |= {function.__name__: function for function in shown}
     return environment
@@ -132,6 +132,12 @@ def _facts(studies: Sequence[Study], measured: Measured, contents: Contents) -> 
     parts = {(part.study, part.test): part for part in measured.now}
     ratios = {(*key, ratio.claim): ratio.ratio for key, part in parts.items() for ratio in part.ratios}
     order = [study.name for study in studies]
+
+    def kept_of(name: str) -> dict[str, float]:
+        """Ratios of a study that are kept with the code, as its text is."""
+        kept = (part for part in measured.now if part.place == "benchmark" and part.study == name)
+        return {ratio.claim: ratio.ratio for part in kept for ratio in part.ratios}
+
     return {
         "studies": studies,
         "groups": contents.grouped(studies),
@@ -142,6 +148,7 @@ def _facts(studies: Sequence[Study], measured: Measured, contents: Contents) -> 
         "regression": lambda name="": Regression.of(measured.now, name),
         "part_of": lambda study, test: parts.get((study, test)),
         "ratio_of": lambda study, test, claim: ratios.get((study, test, claim)),
+        "sentences_of": lambda study, what: study.told(what) + study.filled(what, kept_of(study.name)),
         "ran": measured.ran,
         "labels_of": labels,
         "neighbours": lambda name: _neighbours(order, name),

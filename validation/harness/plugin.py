@@ -26,7 +26,7 @@ from validation.harness.claims import Tally
 from validation.harness.origin import provenance_of
 from validation.harness.pages import Measured, publish
 from validation.harness.report import Report
-from validation.harness.store import Ran, Study, marked, merge, read
+from validation.harness.store import Ran, Study, headed, marked, merge, read
 from validation.harness.style import STYLE
 from validation.harness.timed import merge_timed, read_timed
 
@@ -100,7 +100,7 @@ def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[None]) ->
     reports = item.config.stash[RUN].reports
     if isinstance(item, pytest.Function) and item in reports and call.excinfo is not None:
         if call.excinfo.errisinstance(pytest.skip.Exception):
-            del reports[item]  # it did not run: what an earlier run recorded stays
+            reports[item].skipped = True  # it did not run: what an earlier run recorded stays
         elif not reports[item].ended_by:
             reports[item].ended_by = call.excinfo.typename
     if item in reports:
@@ -150,13 +150,15 @@ def _directory(config: pytest.Config) -> Path:
 
 def pytest_sessionfinish(session: pytest.Session) -> None:
     run = session.config.stash[RUN]
-    ran = run.received + [_ran(item, report) for item, report in run.reports.items()]
+    known = run.received + [_ran(item, report) for item, report in run.reports.items()]
+    ran = sorted((test for test in known if not test.report.skipped), key=lambda test: test.position)
     if hasattr(session.config, "workeroutput") or not (ran or run.crashed):
         return
-    ran.sort(key=lambda test: test.position)
     directory = _directory(session.config)
     before = read(directory)
     studies = _studies(ran, run.crashed, before)
+    seen = {test.report.study: test for test in known}  # also of studies of which all was skipped
+    studies = [headed(study, seen[study.name]) if study.name in seen else study for study in studies]
     reports = [test.report for test in ran]
     provenance = provenance_of(session.config, directory, time.perf_counter() - run.started)
     timed = read_timed(directory)
@@ -200,8 +202,9 @@ def _ran(item: pytest.Function, report: Report) -> Ran:
     root = item.config.rootpath
     path = item.path.relative_to(root) if item.path.is_relative_to(root) else item.path
     asked = str(getattr(module, "ASKED", ""))
+    found, so = (tuple(getattr(module, name, ())) for name in ("FOUND", "SO"))
     names, docstring = tuple(vars(module)), item.function.__doc__
-    return Ran(position, item.path.parent, path.as_posix(), module.__doc__, names, asked, docstring, report)
+    return Ran(position, item.path.parent, path.as_posix(), module.__doc__, names, asked, found, so, docstring, report)
 
 
 def _studies(ran: Iterable[Ran], crashed: Iterable[tuple[Path, str]], before: Mapping[str, Study]) -> list[Study]:

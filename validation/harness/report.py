@@ -39,22 +39,25 @@ class Text:
 @dataclass(frozen=True)
 class Table:
     """Rows of cells, one per column, None where there is no value; also written as `data/<file>.csv`. Columns in
-    `percent` hold ratios that are shown in per cent."""
+    `percent` hold ratios that are shown in per cent. At the top of a page those that are `part_of` one are shown as
+    that."""
 
     file: str
     caption: str
     columns: list[str]
     rows: list[list[Value | None]]
     percent: list[str] = field(default_factory=list)
+    part_of: str = ""
     kind: Literal["table"] = "table"
 
 
 @dataclass(frozen=True)
 class Drawing:
-    """A figure of which the store holds the caption and `figures/<file>.svg` the drawing."""
+    """A figure of which the store holds the caption and `figures/<file>.svg` the drawing; `folded` until asked for."""
 
     file: str
     caption: str
+    folded: bool = False
     kind: Literal["figure"] = "figure"
 
 
@@ -135,10 +138,17 @@ class Recorder:
         self.blocks.append(Text(cleandoc(markdown)))
 
     def table(
-        self, name: str, frame: pd.DataFrame, caption: str, digits: int = 4, *, percent: Iterable[str] = ()
+        self,
+        name: str,
+        frame: pd.DataFrame,
+        caption: str,
+        digits: int = 4,
+        *,
+        percent: Iterable[str] = (),
+        part_of: str = "",
     ) -> None:
         """Record a table; an index other than the default one becomes its first columns. The columns in `percent` hold
-        ratios and are shown in per cent."""
+        ratios and are shown in per cent. Sections may each record rows of one table at the top, `part_of` its name."""
         frame = frame if isinstance(frame.index, pd.RangeIndex) else frame.reset_index()
         rows = [
             [None if pd.isna(cell) else plain(cell, digits) for cell in row] for row in frame.to_numpy(dtype=object)
@@ -146,9 +156,10 @@ class Recorder:
         columns, percent = [str(column) for column in frame.columns], list(percent)
         if absent := [column for column in percent if column not in columns]:
             raise ValueError(f"no column {absent[0]!r} in table {name!r}: it has {', '.join(columns)}")
-        self.blocks.append(Table(self._take(name, "csv"), caption, columns, rows, percent))
+        whole = f"{self.study}_{part_of}" if part_of else ""
+        self.blocks.append(Table(self._take(name, "csv"), caption, columns, rows, percent, whole))
 
-    def figure(self, name: str, figure: Figure, caption: str) -> None:
+    def figure(self, name: str, figure: Figure, caption: str, *, folded: bool = False) -> None:
         """Record a matplotlib figure as SVG, the same bytes for the same drawing, and close it."""
         file = self._take(name, "svg")
         svg = io.BytesIO()
@@ -156,7 +167,7 @@ class Recorder:
             figure.savefig(svg, format="svg", metadata={"Date": None, "Creator": "mpmtop"})
         plt.close(figure)
         self.files[f"{file}.svg"] = svg.getvalue()
-        self.blocks.append(Drawing(file, caption))
+        self.blocks.append(Drawing(file, caption, folded))
 
     def design(
         self,
@@ -180,7 +191,7 @@ class Recorder:
         Image.fromarray(pixels).save(png, format="PNG", optimize=True)
         self.files[f"{file}.png"] = png.getvalue()
         size = [pixels.shape[1], pixels.shape[0]]
-        own, true = float(f"{own:.4g}"), None if true is None else float(f"{true:.4g}")
+        own, true = float(f"{own:.5g}"), None if true is None else float(f"{true:.5g}")
         self.blocks.append(Pixels(file, body, method, measure, own, true, size, front))
 
     def _take(self, name: str, suffix: str) -> str:
@@ -232,6 +243,7 @@ class Report(Recorder):
         self.findings: list[str] = []
         self.conclusions: list[str] = []
         self.wall = self.cpu = 0.0
+        self.skipped = False
         self.timed, self.opening = Recorder(study, taken), Recorder(study, taken)
 
     def found(self, sentence: str, front: str = "") -> None:

@@ -46,6 +46,14 @@ def number(value: float, digits: int = 3) -> str:
     return text.rstrip("0").rstrip(".") if "." in text else text
 
 
+def digits3(value: float) -> str:
+    """A number to three digits, its zeros too, so that those beside each other are as exact: 85.0, 1.20."""
+    text = number(value)
+    whole = len(text.partition(".")[0].lstrip("-0"))
+    plain = text.replace(".", "").isdigit() and whole < 3
+    return f"{value:.{3 - max(whole, 1)}f}" if plain else text
+
+
 def per_cent(ratio: float, digits: int = 3, sign: bool = False) -> str:
     """A ratio in per cent."""
     return f"{'+' if sign and ratio > 0 else ''}{number(100 * ratio, digits)}\u00a0%"

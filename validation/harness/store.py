@@ -7,6 +7,7 @@ leaves the rest as they were. Stores, Markdown, CSV, SVG and PNG are the same on
 import csv
 import io
 import json
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from inspect import cleandoc
@@ -15,8 +16,11 @@ from typing import Any, TypeVar
 
 from validation.harness.claims import Claim, Reading, Value
 from validation.harness.report import RESERVED, Block, Drawing, Pixels, Report, Table, Text
+from validation.harness.show import number
 
 B = TypeVar("B")
+NAMED = re.compile(r"\{([^{}]+)\}")
+"""A claim named in a sentence."""
 CLAIM_COLUMNS = (
     *("study", "test", "kind", "source", "stated", "claim", "observed", "expected", "rtol", "verdict", "why", "reason"),
 )
@@ -43,13 +47,16 @@ class Section:
 @dataclass(frozen=True)
 class Study:
     """Sections in the order of the functions of `test_<name>.py`; title and introduction are its docstring, `asked` its
-    constant ASKED."""
+    constant ASKED, `found` and `so` its constants FOUND and SO: sentences on what is measured rarely, with names of
+    claims in braces for their values."""
 
     name: str
     title: str
     introduction: str
     sections: list[Section]
     asked: str = ""
+    found: list[str] = field(default_factory=list)
+    so: list[str] = field(default_factory=list)
 
     @property
     def readings(self) -> list[Reading]:
@@ -65,16 +72,36 @@ class Study:
         """Sentences `found`, or the conclusions `so`, of all sections."""
         return [sentence for section in self.sections for sentence in getattr(section, what)]
 
+    def filled(self, what: str, measured: Mapping[str, float]) -> list[str]:
+        """The sentences of its constants with the values of what was `measured` by claim, or of claims; without those
+        of which a value is missing."""
+        values: dict[str, Value] = {claim.claim: claim.observed for claim in self.claims} | dict(measured)
+        numbers = {name: number(value) for name, value in values.items() if isinstance(value, int | float)}
+        return [
+            NAMED.sub(lambda name: numbers[name[1]], sentence)
+            for sentence in getattr(self, what)
+            if all(name in numbers for name in NAMED.findall(sentence))
+        ]
+
     @property
     def opening(self) -> list[Block]:
         """What stands at the top of the page."""
-        return [block for section in self.sections for block in section.opening]
+        blocks: list[Block] = []
+        for block in (block for section in self.sections for block in section.opening):
+            whole = next((k for k, other in enumerate(blocks) if _same_table(other, block)), None)
+            if whole is not None:
+                blocks[whole] = replace(blocks[whole], rows=blocks[whole].rows + block.rows)  # type: ignore[union-attr,call-arg]
+            else:
+                named = isinstance(block, Table) and block.part_of
+                blocks.append(replace(block, file=block.part_of) if named else block)  # type: ignore[union-attr,call-arg]
+        return blocks
 
 
 @dataclass(frozen=True)
 class Ran:
-    """A test function that ran, fit to pass from one process to another: its place in the collection, its module's
-    folder, path, docstring, names in their order and question ASKED, its own docstring and its recorder."""
+    """A test function that ran or was skipped, fit to pass from one process to another: its place in the collection,
+    its module's folder, path, docstring, names in their order, question ASKED and constants FOUND and SO, its own
+    docstring and its recorder."""
 
     position: int
     folder: Path
@@ -82,6 +109,8 @@ class Ran:
     module: str | None
     names: tuple[str, ...]
     asked: str
+    found: tuple[str, ...]
+    so: tuple[str, ...]
     docstring: str | None
     report: Report
 
@@ -118,7 +147,21 @@ def merge(old: Study | None, runs: Sequence[Ran]) -> Study:
     known = {section.test: section for section in (old.sections if old else [])}
     known |= {test: section(of_test) for test, of_test in by_test.items()}
     sections = [known[test] for test in runs[0].names if test in known]
-    return Study(name, *_headed(runs[0].module, name), sections, cleandoc(runs[0].asked))
+    return headed(Study(name, "", "", sections), runs[0])
+
+
+def headed(study: Study, run: Ran) -> Study:
+    """The study with the title, introduction and question that its module has now."""
+    title, introduction = _headed(run.module, study.name)
+    asked, found, so = cleandoc(run.asked), list(run.found), list(run.so)
+    return replace(study, title=title, introduction=introduction, asked=asked, found=found, so=so)
+
+
+def _same_table(one: Block, other: Block) -> bool:
+    """Whether a table takes the rows of another, of a whole that both are part of."""
+    if not (isinstance(one, Table) and isinstance(other, Table) and other.part_of):
+        return False
+    return (one.part_of, one.columns) == (other.part_of, other.columns)
 
 
 def marked(study: Study, crashed: Iterable[tuple[str, str]]) -> Study:
@@ -189,8 +232,7 @@ def blocks_of(studies: Iterable[Study], kind: type[B]) -> list[B]:
     return [
         block
         for study in studies
-        for section in study.sections
-        for block in (*section.opening, *section.blocks)
+        for block in (*study.opening, *(block for section in study.sections for block in section.blocks))
         if isinstance(block, kind)
     ]
 
