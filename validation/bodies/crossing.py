@@ -115,6 +115,20 @@ def points_model(body: Body, shape_function: ShapeFunction, ppc: int, crossing: 
     return discretise(body, 1.0, points=points, shape_function=shape_function, ghost=ghost)
 
 
+def moved(crossing: Crossing) -> str:
+    """The family in words, to begin a sentence with."""
+    match crossing:
+        case Uniform(shift):
+            return f"With all points moved by {shift:g} h"
+        case Periodic(every, distance):
+            return f"With the points left of one in {every} cell boundaries moved by {distance:g} h"
+        case Wave(period, amplitude):
+            return f"With points moved by a sine of length {period:g} h and amplitude {amplitude:g} h"
+        case Jitter(amplitude):
+            return f"With points moved at random by up to {amplitude:g} h"
+    return f"With points moved by {crossing}"
+
+
 def moved_inside(points: MaterialPoints, distance: Array, body: Region, reach: float = 0.0) -> MaterialPoints:
     """Points moved in x by distance (p,) H, but those whose domain would leave the body there, or `reach` H either way.
 

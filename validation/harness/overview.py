@@ -1,7 +1,6 @@
 """The front page: the answer in words, the paper's printed results beside ours, and designs side by side."""
 
 import io
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -143,9 +142,3 @@ def values(design: Pixels) -> str:
     """Own and true objective of a design."""
     true = "not judged" if design.true is None else digits3(design.true)
     return f"own {digits3(design.own)}, true {true}"
-
-
-def loss(design: Pixels, best: Sequence[Pixels]) -> float:
-    """True objective over the least of those beside it, less one; NaN if it was not judged."""
-    judged = [other.true for other in best if other.true is not None]
-    return design.true / min(judged) - 1 if design.true is not None and judged else math.nan

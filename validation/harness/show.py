@@ -59,6 +59,12 @@ def per_cent(ratio: float, digits: int = 3, sign: bool = False) -> str:
     return f"{'+' if sign and ratio > 0 else ''}{number(100 * ratio, digits)}\u00a0%"
 
 
+def changed(ratio: float) -> str:
+    """A relative change in words, for sentences: 3.7 % higher, 0.2 % lower, unchanged."""
+    size = f"{abs(ratio):.1%}"
+    return "unchanged" if size == "0.0%" else f"{size} {'higher' if ratio > 0 else 'lower'}"
+
+
 def show(value: Value | None, percent: bool = False) -> str:
     """A cell's text: no value as a dash, numbers in the digits they were stored with, or in per cent to three."""
     if value is None:

@@ -85,15 +85,19 @@ class Study:
 
     @property
     def opening(self) -> list[Block]:
-        """What stands at the top of the page."""
+        """What stands at the top of the page; rows that are part of one table in that."""
         blocks: list[Block] = []
+        wholes: dict[str, int] = {}
         for block in (block for section in self.sections for block in section.opening):
-            whole = next((k for k, other in enumerate(blocks) if _same_table(other, block)), None)
-            if whole is not None:
-                blocks[whole] = replace(blocks[whole], rows=blocks[whole].rows + block.rows)  # type: ignore[union-attr,call-arg]
+            if not (isinstance(block, Table) and block.part_of):
+                blocks.append(block)
+            elif block.part_of not in wholes:
+                wholes[block.part_of] = len(blocks)
+                blocks.append(replace(block, file=block.part_of))
             else:
-                named = isinstance(block, Table) and block.part_of
-                blocks.append(replace(block, file=block.part_of) if named else block)  # type: ignore[union-attr,call-arg]
+                before = blocks[wholes[block.part_of]]
+                assert isinstance(before, Table)
+                blocks[wholes[block.part_of]] = replace(before, rows=before.rows + block.rows)
         return blocks
 
 
@@ -155,13 +159,6 @@ def headed(study: Study, run: Ran) -> Study:
     title, introduction = _headed(run.module, study.name)
     asked, found, so = cleandoc(run.asked), list(run.found), list(run.so)
     return replace(study, title=title, introduction=introduction, asked=asked, found=found, so=so)
-
-
-def _same_table(one: Block, other: Block) -> bool:
-    """Whether a table takes the rows of another, of a whole that both are part of."""
-    if not (isinstance(one, Table) and isinstance(other, Table) and other.part_of):
-        return False
-    return (one.part_of, one.columns) == (other.part_of, other.columns)
 
 
 def marked(study: Study, crashed: Iterable[tuple[str, str]]) -> Study:

@@ -53,6 +53,15 @@ class Design:
             raise ValueError("the design lives on other points: analyse it with `reference_fem.reanalyse`")
         return self.rho[nearest]
 
+    def black_and_white(self) -> "Design":
+        """The design cut at the density that keeps its volume: the densest points 1, the others 0."""
+        area = self.half_length.prod(axis=1)
+        densest = np.argsort(-np.round(self.rho, 6), kind="stable")  # rounding does not choose between mirror images
+        filled = np.cumsum(area[densest]) <= (1 + 1e-9) * float(self.rho @ area)
+        rho = np.zeros_like(self.rho)
+        rho[densest[filled]] = 1.0
+        return Design(self.x, self.half_length, rho)
+
     @property
     def grayness(self) -> float:
         """Measure of discreteness, 4 mean(rho (1 - rho)) over the volume: 0 black and white, 1 all grey.

@@ -377,7 +377,7 @@ def test_sub_cell_designs(report: Report, lock: Lock, progress: ShowProgress) ->
     large_worst = max(rows[ppc, large]["true / apparent"] for ppc in PPC[1:])
     report.so(
         f"Keep the filter radius at a cell at least, whatever the number of points: true compliance is then at most "
-        f"{large_worst:.2f} times the reported one, and up to {worst[0]:.0f} times below it.",
+        f"{large_worst:.2f} times the reported one, with smaller radii up to {worst[0]:.0f} times.",
         front="What to do",
     )
     false = runs[worst[1]]

@@ -468,7 +468,11 @@ def test_all_cases(report: Report, lock: Lock) -> None:
         f"{total['cases']:,} cases: {total['right']:,} right, {total['named error']:,} named errors, "
         f"{total['limit']:,} limits that are documented, {total['other']} others."
     )
-    report.so("Nothing wrong in silence among them." if not total["other"] else "Some cases are wrong in silence.")
+    report.so(
+        "Nothing is wrong in silence among them."
+        if not total["other"]
+        else "The others are neither right nor named: they are listed, and fail the test."
+    )
     counts = what.value_counts().rename_axis("outcome").rename("cases").to_frame()
     report.table("what", counts, "Which errors, which limits.")
     bits = np.finfo(np.longdouble).nmant + 1

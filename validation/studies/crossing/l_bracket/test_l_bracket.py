@@ -21,7 +21,7 @@ from mpmtop.points import seed
 from reference_fem.reanalyse import Judge, build_judge, judge_stress
 from validation import paper
 from validation.bodies.crossing import Crossing, Periodic
-from validation.bodies.scenes import CORNER, SPACING, l_bracket
+from validation.bodies.scenes import CORNER, SPACING, cantilever, l_bracket
 from validation.bodies.sketch import CHOSEN, opening
 from validation.harness.lock import Lock
 from validation.harness.progress import ShowProgress
@@ -196,6 +196,7 @@ def test_optimisation(
     rows: dict[str, dict[str, Any]] = {}
     for name, run in runs.items():
         rho = run.design.at(analysers["FEM"].x)
+        cut = run.design.black_and_white().at(analysers["FEM"].x)
         fine = judge_stress(judge, rho, judge(rho))
         rows[name] = {
             "p-norm": run.final,
@@ -206,9 +207,15 @@ def test_optimisation(
             "p-norm without crossing": analysers["standard, no crossing"].compliance(run.design),
             "p-norm, fine reference": fine.p_norm,
             "largest rho^q vm, fine reference": fine.largest,
+            "p-norm, fine reference, cut": judge_stress(judge, cut, judge(cut)).p_norm,
         }
     table = pd.DataFrame.from_dict(rows, orient="index").rename_axis("design of")
-    report.table("optimisation", table, f"Optimised brackets, the last two with {CROSSING}; stress in F/h.", 4)
+    report.table(
+        "optimisation",
+        table,
+        f"Optimised brackets, the last two with {CROSSING}; stress in F/h; cut: to black and white at the same volume.",
+        4,
+    )
     standard, gimp, still = (rows[name] for name in ("standard", "GIMP", "standard, no crossing"))
     holds = [
         report.check(
@@ -248,7 +255,7 @@ def test_optimisation(
         front="Points have crossed cells",
     )
     trusted = [
-        f"{name} ({row['p-norm, fine reference'] / row['p-norm']:.1f} times its own value)"
+        f"{name} (the reference finds {row['p-norm, fine reference'] / row['p-norm']:.1f} times its own value)"
         for name, row in (("standard MPM", standard), ("GIMP", gimp))
         if row["p-norm, fine reference"] > 2 * row["p-norm"]
     ]
@@ -259,20 +266,17 @@ def test_optimisation(
         front="What to do",
     )
     own_rise, true_rise = (standard[measure] / still[measure] - 1 for measure in ("p-norm", "p-norm, fine reference"))
-    report.check(
-        "rise of the optimised p-norm by crossing, standard, by its own analysis; that of compliance is in the "
-        "cantilever's "
-        "study",
-        own_rise,
-        source="for comparison with “more pronounced than on compliance optimization”",
-        unit="%",
-    )
-    report.check(
-        "rise of the optimised p-norm by crossing, standard, on the fine reference",
-        true_rise,
-        source="for comparison with “more pronounced than on compliance optimization”",
-        unit="%",
-    )
+    compliance = compliance_rises()
+    for analysis, of_stress in {"its own analysis": own_rise, "the fine reference": true_rise}.items():
+        report.check(
+            f"rise by crossing, standard, by {analysis}: of the optimised p-norm over that of the optimised compliance",
+            of_stress / compliance[analysis],
+            at_least=1.0,
+            source=paper.STRESS_HIT_HARDER,
+            why="our reading: the relative rise is the larger one; the same pattern on the cantilever",
+            reason=f"by {analysis} the p-norm rises by {of_stress:.1%}, compliance by {compliance[analysis]:.1%}: MPM "
+            "does not see the stress in details that its cells cannot resolve, so that its own p-norm rises least",
+        )
     for name, shown in {"standard": "MPM, crossed", "GIMP": "GIMP, crossed"}.items():
         run = runs[name]
         report.design(
@@ -288,6 +292,16 @@ def test_optimisation(
     draw_optimisation(report, runs, stress)
     lock({f"optimised p-norm, {name}": run.final for name, run in runs.items()}, rtol=RTOL_OPTIMUM)
     assert all(holds)
+
+
+def compliance_rises() -> dict[str, float]:
+    """Rise of the optimised compliance of the cantilever by the same crossing, standard MPM, by analysis."""
+    still = METHODS["standard"](cantilever())
+    judge = build_judge(cantilever(), still.x, still.half_length, split=1)
+    crossed = material_points(SHAPE_FUNCTIONS["standard"], "standard", CROSSING)(cantilever())
+    before, after = Optimisation.of(still), Optimisation.of(crossed)
+    true = [judge(run.design.at(still.x)).compliance for run in (before, after)]
+    return {"its own analysis": after.final / before.final - 1, "the fine reference": true[1] / true[0] - 1}
 
 
 def draw_optimisation(report: Report, runs: dict[str, Optimisation], stress: dict[str, Array]) -> None:
