@@ -307,14 +307,16 @@ def test_cross_evaluation(
         source=paper.ALIGNS_WITH_FEM,
         why="our reading: layouts are alike if neither is truly better by more than local optima differ",
     )
-    shown = table["fine reference, 1 x 1"]  # the one that the pictures give
-    ratio = float(shown["standard"] / shown["FEM"])
+    pictured = table["fine reference, 1 x 1"]  # the one that the pictures give
+    ratio = float(pictured["standard"] / pictured["FEM"])
     twins = (
-        "standard MPM and GIMP are one method" if shown["standard"] == shown["GIMP"] else "standard MPM and GIMP differ"
+        "standard MPM and GIMP are one method"
+        if pictured["standard"] == pictured["GIMP"]
+        else "standard MPM and GIMP differ"
     )
     report.found(
         f"{twins[0].upper() + twins[1:]}, and in truth (fine reference) their compliance design is "
-        f"{against(ratio)} FEM's: {shown['standard']:.2f} and {shown['FEM']:.2f}.",
+        f"{against(ratio)} FEM's: {pictured['standard']:.2f} and {pictured['FEM']:.2f}.",
         front="Points as seeded",
     )
     sound = "a sound" if abs(ratio - 1) < 0.02 else "not a sound"

@@ -35,8 +35,8 @@ FOUND = (
     "{CPU time of an iteration, plain scikit-fem loop over mpmtop, 80 x 40 variables} and "
     "{CPU time of an iteration, plain scikit-fem loop over mpmtop, 1000 x 500 variables} times.",
     "Kratos takes {CPU time from points to displacements, Kratos over mpmtop, 500 x 250 points} times as long from 500 "
-    "x 250 points to displacements, and {CPU time of the linear solve alone, Kratos over mpmtop, 500 x 250 points} times "
-    "for the linear solve alone.",
+    "x 250 points to displacements, and "
+    "{CPU time of the linear solve alone, Kratos over mpmtop, 500 x 250 points} times for the linear solve alone.",
     "The design of mpmtop has "
     "{true compliance (fine reference) of mpmtop's design over that of pyMOTO's} times the true "
     "compliance of pyMOTO's.",

@@ -29,6 +29,41 @@ def run_name(run: pd.Series) -> str:
     return run["method"] if run["ppc"] == 0 else f"{run['method']} {run['ppc']} x {run['ppc']}"
 
 
+def cheapest_table(frame: pd.DataFrame, cost: str, benchmark: str) -> pd.DataFrame:
+    """Which run reaches each error at the least cost, one row for every quantity and arrangement of the points; in
+    brackets the cheapest material points and how many times as much they cost, where elements are cheaper."""
+    rows = []
+    for quantity in frame["quantity"].unique():
+        of_quantity = frame[frame["quantity"] == quantity]
+        for points in arrangements(of_quantity):
+            row = {"benchmark": benchmark, "error of": quantity, "points": points}
+            for target in TARGETS:
+                row[f"{target:.2g}"] = cheapest_run(of_arrangement(of_quantity, points), cost, target)
+            rows.append(row)
+    return pd.DataFrame(rows)
+
+
+def cheapest_run(runs: pd.DataFrame, cost: str, target: float) -> str:
+    """The run that reaches an error at the least cost, and the best one of material points."""
+    best, of_points = (cheapest(part, cost, target) for part in (runs, runs[runs["ppc"] > 0]))
+    if best is None:
+        return "not reached"
+    if best["ppc"] > 0:
+        return run_name(best)
+    if of_points is None:
+        return f"{run_name(best)} (points: not reached)"
+    return f"{run_name(best)} ({run_name(of_points)}: {of_points[cost] / best[cost]:.2g} times)"
+
+
+def reach(frame: pd.DataFrame, benchmark: str) -> str:
+    """Least errors by arrangement of the points and by elements, of the first quantity: a sentence."""
+    quantity = frame["quantity"].iloc[0]
+    runs = frame[frame["quantity"] == quantity]
+    elements = runs.loc[runs["ppc"] == 0, "settled"].min()
+    parts = [f"{runs.loc[runs['points'] == points, 'settled'].min():.1g} {points}" for points in arrangements(runs)]
+    return f"{benchmark}, {quantity}: least error {', '.join(parts)}, {elements:.1g} by elements."
+
+
 def advice(frame: pd.DataFrame, cost: str, what: str) -> str:
     """Which method reaches an error at the least cost: one sentence, for every arrangement of the points."""
     parts = []
@@ -51,14 +86,24 @@ def advice(frame: pd.DataFrame, cost: str, what: str) -> str:
     return f"Least {what} to an error: {'; '.join(parts)}."
 
 
-def recorded(report: Report, frame: pd.DataFrame, tag: str) -> None:
-    """Slopes, figures and advice of every error of a study; those of CPU time on the timings page."""
+def recorded(report: Report, frame: pd.DataFrame, tag: str, benchmark: str = "") -> None:
+    """Slopes, figures and cheapest runs of every error of a study, at the top of the page if it is a `benchmark` there;
+    those of CPU time on the timings page. The figures but the first are folded."""
     slope = slopes(frame)
-    for quantity in frame["quantity"].unique():
+    table = cheapest_table(frame, "nonzeros", benchmark or tag.replace("_", " "))
+    caption = (
+        "Cheapest run to an error, by nonzeros of K; in brackets the cheapest material points, where elements win."
+    )
+    if benchmark:
+        report.opening.table(f"{tag}_cheapest", table, caption, part_of="cheapest")
+        report.found(reach(frame, benchmark))
+    else:
+        report.table(f"{tag}_cheapest", table, caption)
+    for number, quantity in enumerate(frame["quantity"].unique()):
         name = f"{tag}_{quantity.replace(' ', '_')}"
         runs = frame[frame["quantity"] == quantity]
-        report.text(f"**{quantity.capitalize()}.** " + advice(runs, "nonzeros", "nonzeros of K"))
-        draw(report, name, work_figure(runs), f"Error of the {quantity} against work. Circles: Pareto front.")
+        caption = f"Error of the {quantity} against work. Circles: Pareto front."
+        draw(report, name, work_figure(runs), caption, folded=number > 0)
         table = slope[quantity].unstack("ppc").round(2).rename(columns=lambda p: f"{p} x {p}" if p else "elements")
         report.table(f"{name}_slopes", table, f"Slopes of the {quantity} by points per cell.", 3)
 
@@ -94,10 +139,10 @@ def ratio_timed(report: Report, frame: pd.DataFrame, tag: str) -> None:
             return
 
 
-def draw(recorder: Recorder, name: str, figure: Figure, caption: str) -> None:
+def draw(recorder: Recorder, name: str, figure: Figure, caption: str, *, folded: bool = False) -> None:
     """Record a figure that fills its page: to find its outline, `bbox="tight"` would lay it out once more."""
     with mpl.rc_context({"savefig.bbox": "standard"}):
-        recorder.figure(name, figure, caption)
+        recorder.figure(name, figure, caption, folded=folded)
 
 
 def work_figure(runs: pd.DataFrame) -> Figure:
@@ -188,6 +233,8 @@ def designs_recorded(report: Report, frame: pd.DataFrame, name: str) -> None:
             best = cheapest(runs, cost, target)
             if best is not None:
                 steps.append(f"{target:.0%} by {best['run']}")
+        if recorder is report and steps:
+            report.so(f"A design needs no such precision: the cheapest is within {'; '.join(steps)} of the best.")
         recorder.text(f"Least {what} for a design within {'; '.join(steps)} of the best.")
         label = what if recorder is report else "CPU seconds of the optimisation"
         caption = "True compliance against work; digits: points per cell and direction. Circles: Pareto front."

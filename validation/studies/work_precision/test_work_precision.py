@@ -57,7 +57,7 @@ def test_manufactured(report: Report, lock: Lock, progress: ShowProgress) -> Non
     centre, where the tent's stress is of order 2 and not 1.
     """
     frame = refined(SQUARE, progress)
-    recorded(report, frame, "square")
+    recorded(report, frame, "square", "Manufactured solution")
     expected = {("displacement", "FEM Q1", 0): 2.0, ("displacement", "FEM Q2", 0): 3.0, ("stress", "FEM Q2", 0): 2.0}
     expected |= {("displacement", "standard", 2): 2.0, ("displacement", "cubic B-spline", 2): 4.0}
     holds = orders_hold(report, frame, expected)
@@ -76,7 +76,7 @@ def test_timoshenko(report: Report, lock: Lock, progress: ShowProgress) -> None:
     for these supports: K is singular, and there are no results.
     """
     frame = refined(BEAM, progress)
-    recorded(report, frame, "beam")
+    recorded(report, frame, "beam", "Timoshenko's beam")
     holds = orders_hold(
         report,
         frame,
@@ -101,7 +101,7 @@ def test_cook(report: Report, lock: Lock, progress: ShowProgress) -> None:
     reference.
     """
     frame = refined(COOK, progress)
-    recorded(report, frame, "cook")
+    recorded(report, frame, "cook", "Cook's membrane")
     reference, coarser = cook_reference(), cook_reference(24)
     holds = [
         report.check(
@@ -132,7 +132,7 @@ def test_l_bracket(report: Report, lock: Lock, progress: ShowProgress) -> None:
     5 to 30 cells per side, bilinear elements to 50. Reference: biquadratic elements graded towards the corner.
     """
     frame = refined(BRACKET, progress)
-    recorded(report, frame, "bracket")
+    recorded(report, frame, "bracket", "L-bracket")
     coarse, fine = bracket_reference(0.8), bracket_reference()
     holds = report.check(
         "change of the reference from elements of h/0.8 to h, relative",
@@ -154,7 +154,7 @@ def test_field(report: Report, lock: Lock, progress: ShowProgress) -> None:
     which leaves two, and no slope.
     """
     frame = refined(FIELD, progress)
-    recorded(report, frame, "field")
+    recorded(report, frame, "field", "Optimised field")
     coarse, fine = (field_compliance(split).compliance for split in (2, 3))
     holds = report.check(
         "change of the reference from 2 x 2 to 3 x 3 biquadratic elements for each square, relative",
