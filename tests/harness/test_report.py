@@ -27,9 +27,9 @@ from validation.harness import plugin
 from validation.harness import progress as counting
 from validation.harness.claims import Reading, Statement, Tally, stands
 from validation.harness.pages import replace
-from validation.harness.report import Locked, Report, raster
-from validation.harness.show import cell, number, per_cent, show
-from validation.harness.store import CLAIM_COLUMNS
+from validation.harness.report import Locked, Report, Table, raster
+from validation.harness.show import cell, changed, digits3, number, per_cent, show
+from validation.harness.store import CLAIM_COLUMNS, Section, Study, read
 from validation.harness.style import STYLE
 from validation.harness.timed import read_timed
 from validation.measures.drawing import draw_design, draw_points
@@ -704,6 +704,53 @@ def test_the_readme_says_what_the_report_found() -> None:
     """Its numbers are those of the committed stores: `make validate` writes both."""
     readme = (ROOT / "README.md").read_text("utf-8")
     assert with_findings(readme, ROOT / "reports") == readme
+
+
+def test_every_difference_from_the_paper_has_a_reason_with_its_number() -> None:
+    """In the committed stores: what most likely makes it, and what was computed for that."""
+    differing = [
+        (study.name, claim)
+        for study in read(ROOT / "reports").values()
+        for claim in study.claims
+        if claim.of_paper and claim.verdict == "differs"
+    ]
+    bare = [(name, claim.claim) for name, claim in differing if not re.search(r"\d", claim.reason)]
+    assert not bare
+
+
+def test_claims_of_a_section_have_names_of_their_own() -> None:
+    report = Report("study", "test", set())
+    report.check("jump", 1.0, source="ours")
+    with pytest.raises(ValueError, match="two claims"):
+        report.check("jump", 2.0, source="ours")
+
+
+def test_rows_of_sections_make_one_table_and_sentences_take_measured_values() -> None:
+    reports = [Report("study", f"test_{k}", set()) for k in range(2)]
+    for k, report in enumerate(reports):
+        report.opening.table(f"part_{k}", pd.DataFrame({"error": [0.5 + k]}), "caption", part_of="whole")
+    reports[0].check("error of | it", 0.25, source="ours")
+    sections = [Section(r.test, "", "", "", r.claims, r.blocks, opening=r.opening.blocks) for r in reports]
+    found = ["Takes {seconds, all} s, error {error of | it}.", "Takes {never measured} s."]
+    study = Study("study", "", "", sections, found=found)
+    (table,) = study.opening
+    assert isinstance(table, Table)
+    assert (table.file, table.rows) == ("study_whole", [[0.5], [1.5]])
+    assert study.filled("found", {"seconds, all": 5.021}) == ["Takes 5.02 s, error 0.25."]
+    assert study.filled("found", {}) == []
+
+
+@pytest.mark.parametrize(
+    ("ratio", "words"), [(0.0366, "3.7% higher"), (-0.002, "0.2% lower"), (-0.0001, "unchanged"), (0.0, "unchanged")]
+)
+def test_changes_in_words(ratio: float, words: str) -> None:
+    assert changed(ratio) == words
+
+
+def test_designs_beside_each_other_have_as_many_digits() -> None:
+    assert [digits3(value) for value in (85.05, 90.0, 1.2, 7.494, 146.0, 1204.0, 0.5, 1.5e-9)] == [
+        *("85.0", "90.0", "1.20", "7.49", "146", "1200", "0.500", "1.5·10⁻⁹"),
+    ]
 
 
 def test_findings_come_from_the_stores(studied: tuple[Path, str]) -> None:

@@ -278,9 +278,11 @@ class Report(Recorder):
         The source is a `Statement` of the paper, or says in words why the check is made. `why` is the reason for the
         bound or the tolerance, `reason` the most likely one for a difference, shown only if there is one.
 
-        Raises ValueError if both kinds are given, rtol without an expected number other than zero, or a place in the
-        paper without what it states there.
+        Raises ValueError if the section has a claim of that name, if both kinds are given, rtol without an expected
+        number other than zero, or a place in the paper without what it states there.
         """
+        if claim in (other.claim for other in self.claims):
+            raise ValueError(f"two claims of {self.test} are called {claim!r}: a row must mean one, name them apart")
         bounds = [f"{sign} {bound:.12g}" for sign, bound in ((">=", at_least), ("<=", at_most)) if bound is not None]
         if expected is not None and bounds:
             raise ValueError(f"{claim!r}: give an expected value or bounds, not both")

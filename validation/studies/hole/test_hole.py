@@ -153,6 +153,7 @@ def test_cases(
         "one for each point outside the hole.",
     )
     difference = {name: rows[name]["compliance"] / rows[CASE_1]["compliance"] - 1 for name in (CASE_2, CASE_2_FILTERED)}
+    apart = float(np.abs(designs[CASE_2].rho - designs[CASE_1].rho).max())
     longer = {name: rows[name]["iterations"] / rows[CASE_1]["iterations"] for name in (CASE_2, CASE_2_FILTERED)}
     for name in (CASE_2, CASE_2_FILTERED):
         report.check(
@@ -171,11 +172,12 @@ def test_cases(
             at_least=1.05,
             source=paper.HOLE_SLOWER,
             why="our reading of slower: by 5 % at least",
-            reason="with the filter passing over the hole both cases are one problem to E_min, iterate by iterate",
+            reason="with the filter passing over the hole both cases are one problem to E_min: their final densities "
+            f"are {apart:.0e} apart",
         )
     same = report.check(
         "largest difference of a density outside the hole, case 1 against case 2 with the filter passing over",
-        float(np.abs(designs[CASE_2].rho - designs[CASE_1].rho).max()),
+        apart,
         at_most=1e-4,
         source=paper.EQUIVALENT,
         why="E_min = 1e-9 E0, amplified over the iterations",

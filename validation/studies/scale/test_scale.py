@@ -37,7 +37,8 @@ ASKED = "How do time and memory of an iteration grow, up to millions of points?"
 FOUND = (
     "An iteration of 2,000,000 points takes {CPU seconds of an iteration, 2,000,000 points, compliance, median} s of "
     "CPU and {peak memory [GiB], 2,000,000 points, compliance} GiB for compliance, "
-    "{CPU seconds of an iteration, 2,000,000 points, p-norm, median} s for the p-norm of stress; from 125,000 points on its time grows with the power "
+    "{CPU seconds of an iteration, 2,000,000 points, p-norm, median} s for the p-norm "
+    "of stress; from 125,000 points on its time grows with the power "
     "{exponent of an iteration, compliance} of their number, {exponent of an iteration, p-norm} for stress.",
 )
 SIZES = (80, 200, 500)
