@@ -48,10 +48,7 @@ def number(value: float, digits: int = 3) -> str:
 
 def digits3(value: float) -> str:
     """A number to three digits, its zeros too, so that those beside each other are as exact: 85.0, 1.20."""
-    text = number(value)
-    whole = len(text.partition(".")[0].lstrip("-0"))
-    plain = text.replace(".", "").isdigit() and whole < 3
-    return f"{value:.{3 - max(whole, 1)}f}" if plain else text
+    return f"{value:#.3g}".removesuffix(".") if SMALL <= abs(value) < 1000 else number(value)
 
 
 def per_cent(ratio: float, digits: int = 3, sign: bool = False) -> str:
