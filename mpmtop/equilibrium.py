@@ -82,20 +82,23 @@ def checked_solve(
     load: Array,
     *,
     state: Array | None = None,
+    scale: float | None = None,
     tol: float | None = None,
     max_solves: int = 3,
 ) -> Solution:
     """K u = load (2a,) with the factorisation `solve` of K(moduli), and a check of the result: R = load - K u.
 
-    Accepted is |R| <= tol |load| with |R . v| <= tol |load . v|; if not, u is refined by solving for R. v is u itself,
-    or for an adjoint the `state` (2a,) it belongs to: the gradient is a product of the two, and an adjoint may miss a
-    soft part of the body that decides it, however small |R| is. `tol` is the solver's own tolerance unless given, 1e-9
-    of a direct one.
+    Accepted is |R| <= tol |load| with |R . v| <= tol load . u, v = u; if not, u is refined by solving for R. For an
+    adjoint v is the `state` (2a,) it belongs to: the gradient is a product of the two, and an adjoint may miss a soft
+    part of the body that decides it, however small |R| is. |R . v| is then measured by `scale`, the size of
+    sum_p E_p dJ/dE_p = -load . v, which is J itself for a J of degree one in u; unless given, by the product of both
+    energy norms, which bounds it and does not vanish where the load is orthogonal to the state, as it may be by
+    symmetry, or where J passes through zero. `tol` is the solver's own tolerance unless given, 1e-9 of a direct one.
 
     Where void carries load, |K| |u| exceeds |load| so far that rounding alone leaves |R| above that, with load . u
     right to all digits that matter. So the last solve may miss it if the error in the energy norm is small: its square,
     R . K^-1 R, must not exceed tol load . u, with |R . u| added, as both enter load . u; an adjoint may leave ADJOINT
-    of |load . v|.
+    of the `scale`.
 
     Raises NotConverged, naming where u is least certain, UnsupportedBody where an iterative solver meets a mechanism,
     and ValueError where load . u leaves the range of double precision.
@@ -107,18 +110,20 @@ def checked_solve(
     if not np.any(residual):
         return Solution(u, model.transfer.strain(u), 0, 0.0)
     size = np.linalg.norm(residual)
+    stored = 0.0 if state is None or scale is not None else abs(float(state @ _internal_force(model, moduli, state)))
     for count in range(1, max_solves + 1):
         with mechanism_named(model, moduli):
             u[free] += solve(residual)
         strain = model.transfer.strain(u)
-        f_int = model.internal_force(model.stress(moduli, strain)) + model.ghost.force(moduli, u)
-        residual = (load - f_int)[free]
+        residual = (load - _internal_force(model, moduli, u, strain))[free]
         energy = float(load @ u)
         if not energy > 0 or energy == np.inf:
             raise _unusable(model, moduli, u[free], energy)
         relative = float(np.linalg.norm(residual) / size)
         v = u if state is None else state
-        missed = _part(abs(float(residual @ v[free])), abs(float(load @ v)))
+        product = float(np.sqrt(energy) * np.sqrt(stored))
+        whole = energy if state is None else product if scale is None else abs(scale)
+        missed = _part(abs(float(residual @ v[free])), whole)
         if relative <= tol and missed <= tol:
             return Solution(u, strain, count, relative)
     with mechanism_named(model, moduli):
@@ -131,6 +136,12 @@ def checked_solve(
         f"{tol:.0e}): the stiffness is nearly singular at {place(model, moduli, int(np.argmax(np.abs(correction))))}; "
         "raise E_min / E0 (`contrast`) or support the body better"
     )
+
+
+def _internal_force(model: Model, moduli: Array, u: Array, strain: Array | None = None) -> Array:
+    """K u (2a,), a ghost penalty included, before any degree of freedom is held; `strain` (p, 3) if it is known."""
+    stress = model.stress(moduli, model.transfer.strain(u) if strain is None else strain)
+    return model.internal_force(stress) + model.ghost.force(moduli, u)
 
 
 def _part(part: float, whole: float) -> float:

@@ -20,6 +20,10 @@ STRESS_TOLERANCE = 1e-8
 """Of an iterative solver, for objectives of stress: keeps them to 1e-6 over ten iterations (20,000 points, p = 12)."""
 
 
+ROUNDING = 1e-12
+"""Of q p, where q = 1 / p was meant."""
+
+
 class Objective(NamedTuple):
     """Value and gradient of one objective; `solves` counts the linear solves the gradient takes, `tolerance` is what it
     asks of an iterative solver beside that one's own."""
@@ -71,25 +75,47 @@ def p_norm_stress_gradient(
 ) -> tuple[Array, Array]:
     """Gradient of J2; one checked solve with the state's factorisation, K lambda = dJ2/du.
 
-    w_p = dJ2/ds_p = (s_p / J2)^(p-1), in [0, 1]. At fixed state dJ2/drho_p = w_p q s_p / rho_p, which tends to zero at
-    rho_p = 0 for q p > 1. dJ2/du = sum_p w_p rho_p^q E0 B_p^T D dvm/dsigma_p; dJ2/dE_p = -V_p eps_p(lambda) . D eps_p.
+    w_p = dJ2/ds_p = (s_p / J2)^(p-1), in [0, 1]. At fixed state dJ2/drho_p = w_p q s_p / rho_p; at rho_p = 0 it is
+    one-sided, see `_by_density`, and may be infinite. dJ2/du = sum_p w_p rho_p^q E0 B_p^T D dvm/dsigma_p;
+    dJ2/dE_p = -V_p eps_p(lambda) . D eps_p.
     Without stress vm has no derivative; zero, one of its subgradients, is taken.
     (Eqs. 17 to 20 of the paper, from L = J + lambda.(f_ext - f_int(u)).)
     """
     stress, vm = _solid_von_mises(model, state, measure)
     s = rho**q * vm
     J = _p_norm(s, p)
+    explicit = _by_density(rho, vm, J, p, q)
     if J == 0:
-        return np.zeros_like(rho), np.zeros_like(rho)
+        return explicit, np.zeros_like(rho)
     w = (s / J) ** (p - 1)
-    explicit = np.divide(w * q * s, rho, out=np.zeros_like(rho), where=rho > 0)
     by_stress = stress @ von_mises_form(model.body.material, measure)  # vm dvm/dsigma
     direction = np.divide(by_stress, vm[:, None], out=np.zeros_like(by_stress), where=vm[:, None] > 0)
     E0 = model.body.material.young
     by_strain = (w * rho**q * E0)[:, None] * (direction @ model.D)
     by_u = model.transfer.B.T @ by_strain.ravel()
-    adjoint = checked_solve(model, state.moduli, state.solve, by_u, state=state.u, tol=state.tol)
+    adjoint = checked_solve(model, state.moduli, state.solve, by_u, state=state.u, scale=J, tol=state.tol)
     return explicit, _by_moduli(model, state, adjoint.u, adjoint.strain)
+
+
+def _by_density(rho: Array, vm: Array, J: float, p: float, q: float) -> Array:
+    """dJ2/drho_p (p,) at fixed vm, from above where rho_p = 0.
+
+    J2 grows there by (vm_p / J2)^(p-1) vm_p / p times rho^(q p): not at all for q p > 1 or without stress, linearly for
+    q p = 1, and for less with an infinite slope. Where no other point has relaxed stress J2 is rho^q vm_p.
+    """
+    s = rho**q * vm
+    w = (s / J) ** (p - 1) if J > 0 else np.zeros_like(s)
+    slope = np.divide(q * w * s, rho, out=np.zeros_like(rho), where=rho > 0)
+    power = q * p if J > 0 else q
+    growing = (rho == 0) & (vm > 0)
+    if q == 0 or power > 1 + ROUNDING or not np.any(growing):
+        return slope
+    if power < 1 - ROUNDING:
+        slope[growing] = np.inf
+    else:
+        with np.errstate(over="ignore"):  # infinite, then
+            slope[growing] = q * vm[growing] * ((vm[growing] / J) ** (p - 1) if J > 0 else 1.0)
+    return slope
 
 
 def _by_moduli(model: Model, state: Equilibrium, adjoint: Array, adjoint_strain: Array) -> Array:

@@ -18,7 +18,7 @@ from mpmtop.material import simp
 from mpmtop.model import Model, discretise
 from mpmtop.objectives import Objective, objective
 from mpmtop.points import MaterialPoints
-from mpmtop.scene import Compliance, PNormStress, Scene, check_together
+from mpmtop.scene import Compliance, PNormStress, Scene, check_together, finite_gradient
 from mpmtop.shape_functions import ShapeFunction, tent
 from mpmtop.solvers import MAX_ITERATIONS, MultigridCG
 from mpmtop.stiffness import CellMap
@@ -174,12 +174,15 @@ class DesignProblem:
         return self.analyse(self.filter(design))
 
     def gradient(self, evaluation: Evaluation) -> tuple[Array, Array]:
-        """dJ/ddesign (a,) and dg/ddesign (1, a) of an evaluation, with its factorisation."""
+        """dJ/ddesign (a,) and dg/ddesign (1, a) of an evaluation, with its factorisation.
+
+        Raises InvalidScene where a p-norm of q p < 1 has none: a design of zeros over the reach of the filter.
+        """
         d_rho = self.density_gradient(evaluation)
-        return self.filter.adjoint(d_rho), self._volume_gradient
+        return finite_gradient(self.filter.adjoint(d_rho), self.objective), self._volume_gradient
 
     def density_gradient(self, evaluation: Evaluation) -> Array:
-        """dJ/drho (p,), by the physical densities."""
+        """dJ/drho (p,), by the physical densities; from above at zero, where a p-norm's may be infinite."""
         by_rho, by_moduli = self.functional.gradient(self.model, evaluation.state, evaluation.rho)
         slope = simp(evaluation.rho, self.design.penal, self.design.contrast)[1]
         return by_rho + by_moduli * self.model.body.material.young * slope

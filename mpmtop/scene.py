@@ -5,6 +5,7 @@ from typing import Literal, get_args
 
 import numpy as np
 
+from mpmtop.arrays import Array
 from mpmtop.body import Body
 from mpmtop.design import Design
 from mpmtop.errors import InvalidScene, LoadOutsideBody
@@ -40,6 +41,16 @@ class PNormStress:
             raise InvalidScene(f"stress relaxation q {self.q}: give a finite number of at least 0")
         if self.measure not in get_args(StressMeasure):
             raise InvalidScene(f"stress measure {self.measure!r}: give one of {', '.join(get_args(StressMeasure))}")
+
+
+def finite_gradient(gradient: Array, objective: Compliance | PNormStress) -> Array:
+    """dJ/ddesign (a,) as it is; InvalidScene where an entry is infinite, at densities of zero."""
+    if isinstance(objective, PNormStress) and np.any(gradient == np.inf):
+        raise InvalidScene(
+            f"the p-norm has an infinite derivative at a density of 0 with q p < 1 (q = {objective.q}, p = "
+            f"{objective.p}): give a positive rho_min, or a q of at least 1 / p"
+        )
+    return gradient
 
 
 @dataclass(frozen=True)

@@ -61,9 +61,9 @@ def p_norm_stress(
     vm is the von Mises stress of solid material, of modulus E0, under the strain there. At one position the sum is
     the paper's, with one element for each material point; the mean over several makes them comparable.
 
-    dJ/ds_eg = (s_eg / J)^(p-1) / g. At fixed u dJ/drho_e = sum_g dJ/ds q s / rho, which tends to zero at rho = 0 if
-    q p > 1 and counts as zero there. With vm = |t|, t = T u, dJ/du = T^T (dJ/ds rho^q t / |t|); without stress vm has
-    no derivative, and zero, one of its subgradients, is taken. The adjoint is one solve.
+    dJ/ds_eg = (s_eg / J)^(p-1) / g. At fixed u dJ/drho_e = sum_g dJ/ds q s / rho, from above at rho = 0, see
+    `_at_zero`. With vm = |t|, t = T u, dJ/du = T^T (dJ/ds rho^q t / |t|); without stress vm has no derivative, and
+    zero, one of its subgradients, is taken. The adjoint is one solve.
     """
     positions = reference.shape[1]
     points = len(model.area) * positions
@@ -83,14 +83,34 @@ def p_norm_stress(
         relax = rho[:, None] ** q
         s = relax * vm
         J = p_norm(s, p, 1 / positions)
+        empty = rho == 0
+        by_rho = np.zeros_like(rho)
+        by_rho[empty] = _at_zero(vm[empty], J, p, q)
         if J == 0:
-            return np.zeros_like(rho), np.zeros_like(u)
+            return by_rho, np.zeros_like(u)
         by_s = (s / J) ** (p - 1) / positions
-        by_rho = np.divide(q * np.sum(by_s * s, axis=1), rho, out=np.zeros_like(rho), where=rho > 0)
+        by_rho[~empty] = q * np.sum(by_s * s, axis=1)[~empty] / rho[~empty]
         by_t = np.divide(by_s * relax, vm, out=np.zeros_like(vm), where=vm > 0)[..., None] * t
         return by_rho, inverse(T.T @ by_t.ravel())
 
     return Objective(value, gradient)
+
+
+def _at_zero(vm: Array, J: float, p: float, q: float) -> Array:
+    """Slope (e,) of J in the density of an element at zero, whose von Mises stresses are vm (e, g).
+
+    J^p = (rest) + rho^(q p) mean(vm^p). For J > 0 it is 0 if q p > 1, J (M / J)^p / p with M = mean(vm^p)^(1/p) if
+    q p = 1, and else infinite. J = 0 has no rest: J = rho^q M.
+    """
+    mean = vm.max(axis=1, initial=0.0)
+    mean *= np.mean(np.divide(vm, mean[:, None], out=np.zeros_like(vm), where=vm > 0) ** p, axis=1) ** (1 / p)
+    order = q if J == 0 else q * p
+    if q == 0 or order > 1 + 1e-12:  # its rounding, where q is 1 / p
+        return np.zeros_like(mean)
+    if order < 1 - 1e-12:
+        return np.where(mean > 0, np.inf, 0.0)
+    with np.errstate(over="ignore"):  # infinite, then
+        return mean if J == 0 else (mean / J) ** p * J / p
 
 
 def p_norm(s: Array, p: float, weight: Array | float = 1.0) -> float:

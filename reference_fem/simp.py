@@ -13,7 +13,7 @@ from mpmtop.arrays import Array, Mask
 from mpmtop.body import Material
 from mpmtop.design import Design, physical_densities
 from mpmtop.errors import InvalidScene, LoadOutsideBody
-from mpmtop.scene import Compliance, PNormStress, Scene, check_together
+from mpmtop.scene import Compliance, PNormStress, Scene, check_together, finite_gradient
 from reference_fem import at_elements as at_elements
 from reference_fem.design import DesignSpace, design_space
 from reference_fem.elasticity import FemModel, State, discretise, inverse_stiffness, unit_work
@@ -173,18 +173,25 @@ class DesignProblem:
         return Evaluation(self.functional.value(rho, u), np.array([volume - 1]), rho, State(moduli, u, inverse))
 
     def gradient(self, evaluation: Evaluation) -> tuple[Array, Array]:
-        """Derivatives by the design: df0 = H^T dJ/drho (a,) and dg (1, a); no further factorisation."""
+        """Derivatives by the design: df0 = H^T dJ/drho (a,) and dg (1, a); no further factorisation.
+
+        Raises InvalidScene where a p-norm of q p < 1 has none: a design of zeros over the reach of the filter.
+        """
         d_rho = self.density_gradient(evaluation)
         if self.filtered == "density":
             dg = self.H.T @ self.model.area / self._volume_bound
-            return self.H.T @ d_rho, dg[None]
+            return finite_gradient(self.H.T @ d_rho, self.objective), dg[None]
         active = self.space.active
         x = evaluation.rho[active]
-        averaged = self.H[active] @ (x * d_rho[active]) / np.maximum(SENSITIVITY_FLOOR, x)
+        by_density = finite_gradient(d_rho[active], self.objective)
+        averaged = self.H[active] @ (x * by_density) / np.maximum(SENSITIVITY_FLOOR, x)
         return averaged, self.model.area[active][None] / self._volume_bound
 
     def density_gradient(self, evaluation: Evaluation) -> Array:
-        """dJ/drho (e,) by the physical densities: explicit part - dE/drho lambda_e . k_e u_e; one solve for stress."""
+        """dJ/drho (e,) by the physical densities: explicit part - dE/drho lambda_e . k_e u_e; one solve for stress.
+
+        From above at a density of zero, where a p-norm's may be infinite.
+        """
         rho, u = evaluation.rho, evaluation.u
         by_rho, adjoint = self.functional.gradient(rho, u, evaluation.state.solve)
         return by_rho - simp(rho, self.model.body.material, self.design)[1] * unit_work(self.model, adjoint, u)

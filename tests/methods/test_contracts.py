@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ from mpmtop.optimizers import GCMMA, optimize
 from mpmtop.points import seed
 from mpmtop.problem import design_problem as points_problem
 from mpmtop.region import Circle, Difference, LevelSet, Rectangle, Region
-from mpmtop.scene import PNormStress
+from mpmtop.scene import PNormStress, Scene
 from reference_fem.mesh import lattice
 from reference_fem.reanalyse import build_judge, judge_stress
 from reference_fem.simp import design_problem
@@ -60,6 +61,33 @@ def test_what_is_no_density_is_refused(read: Callable[[Array], float], wrong: fl
         read(rho)
     with pytest.raises(ValueError, match=r"shape \(3,\) for 128 (points|elements)"):
         read(np.ones(3))
+
+
+@pytest.mark.parametrize(
+    "cut", [lambda s: points_problem(s, 1.0), lambda s: design_problem(s, 0.5)], ids=["MPM", "FEM"]
+)
+@pytest.mark.parametrize("p", [1.0, 2.0, 12.0])
+@pytest.mark.parametrize("empty", ["some", "all"])
+def test_p_norm_grows_from_zero_density(cut: Callable[[Scene], Any], p: float, empty: str) -> None:
+    """From above, by one-sided differences: zero for q p > 1, finite for q p = 1, and infinite below, where no update
+    rule is given it. Where all density is zero, J is rho^q times a stress: q counts in place of q p."""
+    order = 1 / p if empty == "some" else 1.0
+    rho = np.random.default_rng(0).uniform(0.3, 1, 128)
+    rho[[0, 60] if empty == "some" else slice(None)] = 0.0
+    for q, expected in ((order, "finite"), (1.5 * order, "zero"), (0.6 * order, "infinite"), (0.0, "any")):
+        problem = cut(cantilever(objective=PNormStress(p, q), penal=2.0, rho_min=0.0, contrast=1e-3))
+        at = problem.analyse(rho)
+        slope = problem.density_gradient(at)[0]
+        unit, t = np.arange(128) == 0, np.array([1e-4, 5e-5])
+        first, second = ((problem.analyse(rho + s * unit).objective - at.objective) / s for s in t)
+        if expected == "infinite":  # quotients grow as t^(q/order - 1)
+            assert slope == np.inf and second / first == pytest.approx(2 ** (1 - q / order), rel=0.05)
+        elif empty == "some" or expected == "finite":
+            # half a quotient's error is of order t^(1/2), by the law's exponent and by q
+            assert abs(slope - second) <= 1.2 * abs(first - second) / (np.sqrt(2) - 1) + 1e-6
+    problem = cut(cantilever(objective=PNormStress(p, 0.5 / p), rho_min=0.0))
+    with pytest.raises(InvalidScene, match="positive rho_min"):
+        problem.gradient(problem.evaluate(np.zeros(128)))
 
 
 # --- lengths ----------------------------------------------------------------------------------------------------------

@@ -1,5 +1,6 @@
 """Equilibrium against independent codes and the identities of linear elasticity."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -330,6 +331,28 @@ def test_a_soft_part_that_a_small_residual_misses() -> None:
     assert abs((unseen.u - known.u) @ model.f_ext) > 0.01 * abs(known.u @ model.f_ext)  # what a gradient is made of
     with pytest.raises(NotConverged):
         checked_solve(model, moduli, blind, load, state=state.u)
+
+
+@pytest.mark.parametrize("tip", [(0.0, 1.0), (1.0, 0.0)], ids=["along the load", "across it"])
+def test_adjoint_of_a_displacement(tip: tuple[float, float]) -> None:
+    """d u_tip / dE_p by finite differences. Across the load u_tip is zero, by symmetry, and so is what the adjoint's
+    load does on the state: that is no sign of a singular stiffness."""
+    model = discretise(cantilever(8, 4).body, 1.0)
+    force = replace(model, body=replace(model.body, loads=(PointLoad((8.0, 2.0), tip),))).f_ext
+    moduli = np.ones(128)
+    state = equilibrium(model, moduli)
+    adjoint = checked_solve(model, moduli, state.solve, force, state=state.u)
+    assert adjoint.solves == 1
+    by_moduli = -model.points.volume * np.sum((adjoint.strain @ model.D) * state.strain, axis=1)
+    p, h = 37, 1e-4
+    ends = [force @ equilibrium(model, moduli + s * h * (np.arange(128) == p)).u for s in (1, -1)]
+    assert by_moduli[p] == pytest.approx((ends[0] - ends[1]) / (2 * h), rel=1e-6)  # h^2, and rounding over h
+
+    def blind(b: Array) -> Array:  # misses a part of the state
+        return state.solve(b) - 1e-4 * state.u[model.stiffness.dof] * (b @ np.ones(len(b)))
+
+    with pytest.raises(NotConverged):
+        checked_solve(model, moduli, blind, force, state=state.u, max_solves=1)
 
 
 @pytest.mark.parametrize("force", [1e-170, 1e-200, 1e160, 1e200])
