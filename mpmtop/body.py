@@ -11,7 +11,7 @@ import numpy as np
 
 from mpmtop.errors import EmptyDomain, InvalidScene, LoadOutsideBody, UnsupportedBody
 from mpmtop.loads import Load, positions
-from mpmtop.region import Region
+from mpmtop.region import Region, check_region
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class Material:
 
 @dataclass(frozen=True)
 class Support:
-    """Every node in `region` is held in the components marked in `fixed` (x, y).
+    """Every node in `region` is held in the components marked in `fixed` (x, y), true or false, or 1 or 0.
 
     Limit: a support holds nodes, not points. A body whose points have left the cells at its clamp by more than half a
     cell hangs on what is left there, and is far too compliant; once nothing is left, that is an error.
@@ -47,8 +47,15 @@ class Support:
     fixed: tuple[bool, bool] = (True, True)
 
     def __post_init__(self) -> None:
-        if np.shape(self.fixed) != (2,):
-            raise InvalidScene(f"support fixed in {self.fixed}: say which of the two components, (x, y), are held")
+        check_region("the region of a support", self.region)
+        flags = list(self.fixed) if np.shape(self.fixed) == (2,) else []
+        if len(flags) != 2 or any(isinstance(flag, str) or flag not in (0, 1) for flag in flags):
+            raise InvalidScene(
+                f"support fixed in {self.fixed!r}: say which of the two components, (x, y), are held, as (True, False)"
+            )
+        if not any(flags):
+            raise InvalidScene("a support fixed in (False, False) holds nothing: hold a component, or leave it out")
+        object.__setattr__(self, "fixed", (bool(flags[0]), bool(flags[1])))
 
 
 @dataclass(frozen=True)
@@ -64,14 +71,20 @@ class Body:
     material: Material = field(default_factory=Material)
 
     def __post_init__(self) -> None:
+        check_region("the domain", self.domain)
         lower, upper = self.domain.bounds
         if not (np.all(np.isfinite([lower, upper])) and np.all(upper > lower)):
             raise EmptyDomain(f"the domain spans {lower} to {upper}: give it a finite, positive area")
+        if not isinstance(self.material, Material):
+            raise InvalidScene(f"material {self.material!r}: give one Material for all of the body")
         for name, parts in (("supports", self.supports), ("loads", self.loads)):
             if not isinstance(parts, tuple):
                 raise InvalidScene(f"{name} of a body: give a tuple, with a comma after a single one")
         if not self.supports:
             raise UnsupportedBody("the body has no support: add one")
+        for support in self.supports:
+            if not isinstance(support, Support):
+                raise InvalidScene(f"support {support!r}: give Support(region, fixed)")
         for load in self.loads:
             if not hasattr(load, "act"):
                 raise InvalidScene(f"load {load!r}: give a `PointLoad`, `RegionLoad` or `PositionLoad`")

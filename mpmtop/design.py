@@ -6,7 +6,7 @@ import numpy as np
 
 from mpmtop.arrays import Array
 from mpmtop.errors import InvalidScene
-from mpmtop.region import Region
+from mpmtop.region import Region, check_region
 
 DENSITY_ROUNDING = 1e-9  # what a filter's sums may leave outside 0 to 1; no density of a design is that small
 
@@ -47,8 +47,8 @@ class Design:
 
     def __post_init__(self) -> None:
         for name, region in (("passive_solid", self.passive_solid), ("passive_void", self.passive_void)):
-            if region is not None and not hasattr(region, "contains"):
-                raise InvalidScene(f"{name} {region!r}: give a region, or None")
+            if region is not None:
+                check_region(name, region)
         if not 0 < self.volume_fraction <= 1:
             raise InvalidScene(f"volume fraction {self.volume_fraction}: give a number above 0 and at most 1")
         if not 0 < self.filter_radius < np.inf:

@@ -38,10 +38,14 @@ class DesignSpace:
 
 
 def design_space(design: Design, points: MaterialPoints) -> DesignSpace:
-    """The points in the passive regions; InvalidScene where both claim one, EmptyDomain if no other is left."""
+    """The points in the passive regions; InvalidScene where a region holds none or both claim one, EmptyDomain if no
+    other is left."""
     nowhere = np.zeros(len(points.x), dtype=bool)
     regions = (design.passive_solid, design.passive_void)
     solid, void = (nowhere if region is None else region.contains(points.x) for region in regions)
+    for name, region, held in zip(("passive_solid", "passive_void"), regions, (solid, void), strict=True):
+        if region is not None and not np.any(held):
+            raise InvalidScene(f"{name} holds no material point: enlarge it, or use smaller points")
     if np.any(solid & void):
         raise InvalidScene(
             f"{np.count_nonzero(solid & void)} points lie in both passive_solid and passive_void, the first at "

@@ -13,7 +13,19 @@ import numpy as np
 
 from mpmtop.arrays import Array, Index
 from mpmtop.errors import InvalidScene, LoadOutsideBody
-from mpmtop.region import Region, finite_pair
+from mpmtop.region import Region, check_region, finite_pair
+
+LOAD_ROUNDING = 1e-14
+"""Of the sum of all forces: what is left at a node where they cancel."""
+
+
+def check_work(free: Array, forces: Array) -> None:
+    """LoadOutsideBody if `forces` (n, 2) leave nothing on the free degrees of freedom but rounding, (m,) in all."""
+    if not np.any(np.abs(free) > LOAD_ROUNDING * np.abs(forces).sum()):
+        raise LoadOutsideBody(
+            "the loads act on held nodes only, are zero or cancel each other, and do no work: move them away from the "
+            "supports, or change their forces"
+        )
 
 
 class Action(NamedTuple):
@@ -124,8 +136,7 @@ class RegionLoad:
     force: tuple[float, float]
 
     def __post_init__(self) -> None:
-        if not hasattr(self.region, "contains"):
-            raise InvalidScene(f"region of a load {self.region!r}: give a region, such as `Rectangle(lower, upper)`")
+        check_region("the region of a load", self.region)
         object.__setattr__(self, "force", finite_pair("force", self.force))
 
     def act(self, x: Array, volume: Array, tol: float) -> Action:

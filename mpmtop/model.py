@@ -14,7 +14,7 @@ from mpmtop.diagnose import ModelWarning, findings
 from mpmtop.errors import InvalidScene, LoadOutsideBody, PositionOutsideBody, UnsupportedBody
 from mpmtop.ghost import GhostPenalty, ghost_penalty
 from mpmtop.grid import Grid
-from mpmtop.loads import Load, action
+from mpmtop.loads import Load, action, check_work
 from mpmtop.material import tangent
 from mpmtop.points import MaterialPoints, seed
 from mpmtop.region import divisions
@@ -81,8 +81,8 @@ class Model:
 
 def discretise(
     body: Body,
-    h: float | tuple[float, float],
-    ppc: int | tuple[int, int] = 2,
+    h: float | tuple[float, float] | None = None,
+    ppc: int | tuple[int, int] | None = None,
     shape_function: ShapeFunction = tent,
     *,
     points: MaterialPoints | None = None,
@@ -91,24 +91,31 @@ def discretise(
     b_bar: bool = False,
     solver: Callable[[Pattern], Solver] = choose_solver,
 ) -> Model:
-    """Discretise `body` by cells of size h (hx, hy) with ppc (nx, ny) points per cell and direction.
+    """Discretise `body` by cells of size h (hx, hy) with ppc (nx, ny) points per cell and direction, 2 unless given.
 
-    `points` replaces the seeded points, `grid` the grid laid around them with a line on the domain's lower left corner,
-    `solver` the choice of solver by size, `choose_solver`. `ghost` is gamma of the ghost penalty, see `mpmtop.ghost`:
-    zero for none; tent and GIMP only. `b_bar` averages the dilatation over each cell against volumetric locking, see
-    `mpmtop.b_bar`.
-    Raises EmptyDomain, PointOutsideGrid, LoadOutsideBody, UnsupportedBody, or InvalidScene for `b_bar` in plane stress.
+    `points` replaces the seeded points and ppc, `grid` replaces h and the grid laid around the points with a line on
+    the domain's lower left corner, `solver` the choice of solver by size, `choose_solver`. `ghost` is gamma of the
+    ghost penalty, see `mpmtop.ghost`: zero for none; tent and GIMP only. `b_bar` averages the dilatation over each cell
+    against volumetric locking, see `mpmtop.b_bar`.
+    Raises EmptyDomain, PointOutsideGrid, LoadOutsideBody, UnsupportedBody, or InvalidScene for `b_bar` in plane stress,
+    and for an argument that another one leaves without effect.
     Warns of what misleads about the body: GluedGap, NearMechanism, PointsOnGridLines, see `mpmtop.diagnose`.
 
     Limit: domains of GIMP that leave the body's outermost cells by a hair give the nodes outside a hair of stiffness.
     These move far and the edge gets softer by a step, the more so the fewer cells the body has, unless a ghost penalty
     ties them: take quantities of interest at points, not at nodes.
     """
+    if grid is not None and h is None:
+        h = grid.h
+    elif grid is not None or h is None:
+        raise InvalidScene("cells: give their size h or a `grid`, one of the two")
+    if points is not None and ppc is not None:
+        raise InvalidScene(f"{ppc} points per cell beside `points`: give one of the two")
     hx, hy = (float(s) for s in np.broadcast_to(h, 2))
     lower, upper = body.domain.bounds
     seeded_in = body.domain if points is None else None
     if points is None:
-        nx, ny = np.broadcast_to(ppc, 2)
+        nx, ny = np.broadcast_to(2 if ppc is None else ppc, 2)
         if min(nx, ny) < 1 or not np.issubdtype(nx.dtype, np.integer):
             raise ValueError(f"{ppc} points per cell: give at least one in each direction, a whole number")
         points = seed(body.domain, (hx / nx, hy / ny))
@@ -132,10 +139,9 @@ def discretise(
     lines = np.stack(np.divmod(weighted.nodes[node], grid.nodes[1]), axis=-1)
     chosen = solver(Pattern(len(K.dof), K.row, K.col, Lattice(grid.h, lines, component)))
     model = Model(body, grid, points, shape_function, ends, weighted, penalty, K, chosen, found)
-    if body.loads and not np.any(model.f_ext[K.dof]):
-        raise LoadOutsideBody(
-            "the loads act on held nodes only: move them away from the supports, or make them nonzero"
-        )
+    if body.loads:
+        forces = action(body.loads, points.x, points.volume, 1e-9 * min(grid.h)).places(points.x)[1]
+        check_work(model.f_ext[K.dof], forces)
     for finding in found:
         warnings.warn(finding, stacklevel=2)
     return model

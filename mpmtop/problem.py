@@ -196,8 +196,8 @@ def _numbers(operator: sp.csr_array | CellMap | LinearOperator) -> tuple[Array, 
 
 def design_problem(
     scene: Scene,
-    h: float | tuple[float, float],
-    ppc: int | tuple[int, int] = 2,
+    h: float | tuple[float, float] | None = None,
+    ppc: int | tuple[int, int] | None = None,
     shape_function: ShapeFunction = tent,
     *,
     design_grid: MaterialPoints | None = None,

@@ -41,6 +41,12 @@ def finite_pair(what: str, value: tuple[float, float]) -> tuple[float, float]:
     return float(value[0]), float(value[1])
 
 
+def check_region(what: str, value: object) -> None:
+    """InvalidScene, which names `what`, if `value` is no region."""
+    if not (hasattr(value, "contains") and hasattr(value, "bounds")):
+        raise InvalidScene(f"{what} is {value!r}: give a region, such as Rectangle(lower, upper)")
+
+
 class Region(Protocol):
     """A part of the plane: `bounds` is its bounding box, `contains` tells which positions lie in it."""
 

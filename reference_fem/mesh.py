@@ -61,7 +61,10 @@ def domain_lattice(domain: Region, size: Array) -> MeshQuad:
 
 
 def check_mesh(domain: Region, mesh: MeshQuad) -> None:
-    """Raise InvalidScene if quads of the mesh are not convex, or lie outside the domain by more than a chord may."""
+    """Raise InvalidScene if the mesh is not of straight-sided quads, or these are not convex or lie outside the domain
+    by more than a chord may."""
+    if type(mesh) is not MeshQuad:
+        raise InvalidScene(f"mesh of {type(mesh).__name__}: give straight-sided quads, skfem.MeshQuad")
     jacobians, centres = corner_jacobians(mesh), element_centres(mesh)
     folded = jacobians.min(axis=0) * jacobians.max(axis=0) <= 0
     if folded.any():

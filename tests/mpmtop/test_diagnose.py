@@ -167,7 +167,7 @@ def bar(shape_function: ShapeFunction, s: float, h: float = 1.0, ghost: float = 
     load = RegionLoad(Rectangle((8 - h / 2, 0.0), (8.0, 4.0)), (1.0, 0.0))
     scene = cantilever(8, 4, load=load, material=Material(1.0, 0.0))
     grid = Grid((-3 * h + s * h, -3 * h), (h, h), (round(8 / h) + 7, round(4 / h) + 6))
-    return discretise(scene.body, h, 2, shape_function, grid=grid, ghost=ghost)
+    return discretise(scene.body, shape_function=shape_function, grid=grid, ghost=ghost)
 
 
 @pytest.mark.parametrize("s", [0.0, 0.3, 0.45, 0.6, 0.8, 0.95])

@@ -31,7 +31,7 @@ ALL = pytest.mark.parametrize("shape_function", SHAPE_FUNCTIONS, ids=lambda f: f
 def ample_model(nx: int, ny: int, shift: float, shape_function: ShapeFunction) -> Model:
     last_column = RegionLoad(Rectangle((nx - 0.5 + shift, 0), (nx + shift, ny)), (0.0, -1.0))
     scene = cantilever(nx, ny, shift=shift, load=last_column, material=Material(1e6, 0.3))
-    return discretise(scene.body, 1.0, shape_function=shape_function, grid=Grid((0, 0), (1, 1), (nx + 2, ny)))
+    return discretise(scene.body, shape_function=shape_function, grid=Grid((0, 0), (1, 1), (nx + 2, ny)))
 
 
 @pytest.mark.parametrize("shift", [0.0, 0.3])

@@ -71,7 +71,7 @@ def test_penalty_in_the_stiffness(shape_function: ShapeFunction) -> None:
 def test_linear_fields_cost_nothing(shape_function: ShapeFunction) -> None:
     """Rigid translation and rotation and any constant strain, on cells that are no squares."""
     grid = Grid((-3, -2), (1.5, 0.75), (9, 9))  # its lines are not the body's edges
-    model = discretise(cantilever(6, 3).body, (1.5, 0.75), shape_function=shape_function, grid=grid, ghost=1.0)
+    model = discretise(cantilever(6, 3).body, shape_function=shape_function, grid=grid, ghost=1.0)
     assert model.ghost.modulus.shape[0] > 0
     x = model.grid.node_positions(model.transfer.nodes)
     u = x @ np.random.default_rng(3).normal(size=(2, 2)) + [0.7, -0.4]
@@ -169,7 +169,7 @@ def test_turned_body(shape_function: ShapeFunction) -> None:
         (turned, (-0.3, 0.0), Grid((-7, -2), (1, 1), (9, 12))),
     ):
         points = discretise(scene.body, 1.0).points.moved(shift)
-        model = discretise(scene.body, 1.0, points=points, grid=grid, shape_function=shape_function, ghost=0.01)
+        model = discretise(scene.body, points=points, grid=grid, shape_function=shape_function, ghost=0.01)
         values.append(compliance(model, equilibrium(model, np.ones(len(points.x)))))
     assert values[0] == pytest.approx(values[1], rel=1e-10)  # rounding times the condition number
 

@@ -193,14 +193,6 @@ def test_positions_on_the_design_grid_decide() -> None:
     assert np.any(DesignProblem(moved, scene.design).space.void != problem().space.void)
 
 
-def test_regions_without_a_point_change_nothing() -> None:
-    speck = Circle((4.0, 2.0), 0.1)
-    p, plain = problem(solid=None, void=speck), problem(solid=None, void=None)
-    assert p.space.all_active
-    assert p.fingerprint == plain.fingerprint
-    np.testing.assert_array_equal(p.x0, plain.x0)
-
-
 def test_fingerprint_includes_what_is_passive() -> None:
     every = [
         problem(),

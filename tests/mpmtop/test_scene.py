@@ -1,5 +1,7 @@
 """Bad input gets a named error that says what to change."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -38,10 +40,13 @@ NAN = float("nan")
         ({"penal": 0.5}, InvalidScene, "at least 1"),
         ({"penal": NAN}, InvalidScene, "at least 1"),
         ({"supports": LEFT_CLAMP}, InvalidScene, "with a comma"),
+        ({"supports": (LEFT_CLAMP.region,)}, InvalidScene, "give Support\(region, fixed\)"),
+        ({"loads": (LEFT_CLAMP,)}, InvalidScene, "give a `PointLoad`"),
+        ({"material": (Material(), Material())}, InvalidScene, "one Material for all"),
         ({"objective": "compliance"}, InvalidScene, r"give Compliance\(\)"),
         ({"objective": PNormStress(12, 3.0)}, InvalidScene, "below the penalty"),
         ({"passive_void": Rectangle((7, 1), (9, 3))}, LoadOutsideBody, "in the passive void"),
-        ({"passive_solid": (Rectangle((0, 0), (1, 1)),)}, InvalidScene, "give a region, or None"),
+        ({"passive_solid": (Rectangle((0, 0), (1, 1)),)}, InvalidScene, "give a region, such as"),
     ],
     ids=str,
 )
@@ -65,6 +70,24 @@ def test_parts_refuse() -> None:
         Rectangle((0, 0, 0), (1, 1, 1))  # type: ignore[arg-type]
     with pytest.raises(InvalidScene, match="two components"):
         Support(Rectangle((0, 0), (1, 1)), (True,))  # type: ignore[arg-type]
+    for fixed in ((0.01, False), (None, True), ("x", "y"), "xy", (NAN, 0.0), 1, (2, 0)):
+        with pytest.raises(InvalidScene, match="two components"):
+            Support(Rectangle((0, 0), (1, 1)), fixed)  # type: ignore[arg-type]
+    for nothing in ((False, False), (0, 0)):
+        with pytest.raises(InvalidScene, match="holds nothing"):
+            Support(Rectangle((0, 0), (1, 1)), nothing)  # type: ignore[arg-type]
+    corners: Any = ((0, 0), (1, 1))
+    for no_region in (
+        lambda: Support(corners),
+        lambda: RegionLoad(corners, (0, 1)),
+        lambda: cantilever(domain=corners),
+        lambda: cantilever(passive_void=corners),
+    ):
+        with pytest.raises(InvalidScene, match=r"give a region, such as Rectangle\(lower, upper\)"):
+            no_region()
+    for points in (2.5, "6", None):
+        with pytest.raises(InvalidScene, match="whole number"):
+            PointLoad((0, 0), (0, 1), points)  # type: ignore[arg-type]
     with pytest.raises(InvalidScene, match="finite numbers"):
         PointLoad((0, 0), (NAN, 1))
     for points in (-1, 0, 2.5):
@@ -72,6 +95,26 @@ def test_parts_refuse() -> None:
             PointLoad((0, 0), (0, 1), points=points)  # type: ignore[arg-type]
     with pytest.raises(InvalidScene, match="finite numbers"):
         RegionLoad(Rectangle((0, 0), (1, 1)), (np.inf, 0))
+
+
+def test_what_means_the_same_is_taken() -> None:
+    """Flags as most codes write them, arrays for pairs: the same body, equal and hashable."""
+    flags: list[Any] = [(1, 0), [True, False], (np.True_, np.False_), np.array([1, 0]), (1.0, 0.0)]
+    assert {Support(LEFT_CLAMP.region, fixed) for fixed in flags} == {Support(LEFT_CLAMP.region, (True, False))}
+    pair: Any = np.array([8.0, 2.0])
+    assert {PointLoad(pair, pair, np.int64(6))} == {PointLoad((8.0, 2.0), (8, 2))}  # type: ignore[arg-type]
+
+
+def test_an_argument_that_another_leaves_without_effect_is_refused() -> None:
+    """Cells by h or by a grid, points by ppc or by themselves; seeded points follow a grid that is given."""
+    body = cantilever().body
+    points, grid = seed(body.domain, (0.5, 0.5)), Grid((-2, -2), (2.0, 2.0), (6, 4))
+    for both in ({"h": 1.0, "grid": grid}, {}, {"points": points}):
+        with pytest.raises(InvalidScene, match="size h or a `grid`"):
+            discretise(body, **both)  # type: ignore[arg-type]
+    with pytest.raises(InvalidScene, match="beside `points`"):
+        discretise(body, 1.0, 7, points=points)
+    assert len(discretise(body, grid=grid).points.x) == 32
 
 
 def test_discretisation_refuses() -> None:

@@ -35,7 +35,7 @@ def subject(objective: Compliance | PNormStress, method: str) -> tuple[DesignPro
         fem = design_problem(scene, 1.0)
         return fem, finite_elements(fem)  # type: ignore[return-value]
     points = discretise(scene.body, 1.0).points.moved((0.3, 0.0))
-    model = discretise(scene.body, 1.0, 2, tent if method == "standard" else gimp, points=points)
+    model = discretise(scene.body, 1.0, shape_function=tent if method == "standard" else gimp, points=points)
     problem = DesignProblem(model, scene.design, scene.objective)
     return problem, material_points(problem)
 

@@ -74,7 +74,7 @@ def exactly(analysis: Analysis, lower: Array, upper: Array, name: str) -> float:
     """Tip displacement with the stiffness integrated exactly over the body, under the same nodal forces."""
     function, *rule = EXACT[name]
     model, points = analysis.model, integrated_exactly(lower, upper, *rule)
-    exact = discretise(model.body, H, points=points, shape_function=function, grid=model.grid)
+    exact = discretise(model.body, points=points, shape_function=function, grid=model.grid)
     if not np.array_equal(exact.transfer.nodes, model.transfer.nodes):
         raise ValueError("points and body touch other nodes: choose a shift that takes a column over a boundary")
     return Analysis(exact, equilibrium(exact, np.ones(len(points.x)), f_ext=model.f_ext)).tip

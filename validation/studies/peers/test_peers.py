@@ -191,7 +191,7 @@ def analyses_of(nx: int) -> dict[str, dict[str, Work]]:
     )  # Kratos numbers all cells, also those without points
 
     def discretised() -> Model:
-        return discretise(scene.body, h, grid=grid)
+        return discretise(scene.body, grid=grid)
 
     model = discretised()
     moduli = solid(model)

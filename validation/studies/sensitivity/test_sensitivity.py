@@ -141,7 +141,10 @@ class Verified:
 
 def crossing_models(scene: Scene) -> dict[str, Model]:
     moved = discretise(scene.body, H, 2).points.moved((0.26 * H, 0.0))
-    return {name: discretise(scene.body, H, 2, f, points=moved) for name, f in zip(CROSSED, (tent, gimp), strict=True)}
+    return {
+        name: discretise(scene.body, H, shape_function=f, points=moved)
+        for name, f in zip(CROSSED, (tent, gimp), strict=True)
+    }
 
 
 @pytest.fixture(scope="module")

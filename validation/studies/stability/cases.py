@@ -188,7 +188,7 @@ def as_ample(s: float, theirs: float) -> Finding:
         material=Material(1e6),
         supports=beam().body.supports,
     )
-    model = discretise(scene.body, 1.0, shape_function=gimp, grid=Grid((0.0, 0.0), (1.0, 1.0), (22, 10)))
+    model = discretise(scene.body, shape_function=gimp, grid=Grid((0.0, 0.0), (1.0, 1.0), (22, 10)))
     ours = compliance(model, equilibrium(model, np.full(800, 1e6)))
     return Finding(abs(ours / theirs - 1) / 1e-10)
 
