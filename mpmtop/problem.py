@@ -1,13 +1,12 @@
 """The optimisation problem of Eq. (8) on a model: design -> filter -> SIMP -> equilibrium -> objective."""
 
 import hashlib
-from dataclasses import dataclass, field
+from dataclasses import astuple, dataclass, field
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.sparse.linalg import LinearOperator
 
 from mpmtop.arrays import Array
 from mpmtop.design import Design, physical_densities
@@ -148,17 +147,27 @@ class DesignProblem:
     def fingerprint(self) -> str:
         """Hash of all numbers that an iterate depends on: a checkpoint fits a problem of the same ones only.
 
-        An operator that is no sparse matrix is known by what it makes of a vector of random numbers.
+        They are taken before any BLAS or Fourier transform, and to 24 binary digits, see `_digits`: what depends on the
+        processor is not among them.
         """
-        model, design = self.model, self.design
+        model, design, grid_points, space = self.model, self.design, self._grid_points, self.space
         law = (model.body.material.young, design.penal, design.contrast, design.volume_fraction, design.rho_min)
-        digest = hashlib.sha256(repr((self.objective, *map(float, law))).encode())
-        operators = (*model.stiffness.maps, self.filter.matrix, model.transfer.B)
-        # passive points are empty rows of the filter, void where its offset is zero
-        passive = () if self.filter.offset is None else (self.filter.offset,)
-        arrays = (model.points.volume, model.D, model.f_ext, model.stiffness.dof, *passive)
-        for array in (*arrays, *(part for operator in operators for part in _numbers(operator))):
-            digest.update(array.tobytes())
+        sought = (word if isinstance(word, str) else float(word) for word in astuple(self.objective))
+        said = (type(self.objective).__name__, *sought, *map(float, law), float(design.filter_radius))
+        passive = None if space.all_active else self.filter_passive
+        digest = hashlib.sha256(repr((*said, passive)).encode())
+        transfer, ghost = model.transfer, model.ghost
+        touched = transfer.touched
+        whole = (touched.sum(axis=1), transfer.stencil[touched], np.sort(model.stiffness.dof), space.solid, space.void)
+        b_bar = () if transfer.b_bar is None else (transfer.b_bar[touched],)
+        computed = (
+            *(model.points.volume, transfer.grad_N[touched], *b_bar, model.D, model.f_ext),
+            *(model.grid.cell_coordinates(grid_points.x), grid_points.volume),
+        )
+        for sparse in (ghost.jump, ghost.modulus):
+            whole, computed = (*whole, sparse.indices, sparse.indptr), (*computed, sparse.data)
+        for array in (*whole, *map(_digits, computed)):
+            digest.update(np.ascontiguousarray(array, np.int64).tobytes())
         return digest.hexdigest()
 
     def analyse(self, rho: Array) -> Evaluation:
@@ -188,10 +197,14 @@ class DesignProblem:
         return by_rho + by_moduli * self.model.body.material.young * slope
 
 
-def _numbers(operator: sp.csr_array | CellMap | LinearOperator) -> tuple[Array, ...]:
-    if isinstance(operator, sp.csr_array):
-        return operator.data, operator.indices, operator.indptr
-    return (operator @ np.random.default_rng(0).random(operator.shape[1]),)
+def _digits(numbers: Array) -> Array:
+    """Integers that tell numbers apart to 2^-24 of the largest one, and that one's exponent; not their last bits.
+
+    The exponent is that of a number larger by 1e-9, so that a power of two and a bit less have the same.
+    """
+    largest = float(np.max(np.abs(numbers), initial=0.0))
+    exponent = int(np.frexp(largest * (1 + 1e-9))[1])
+    return np.append(np.rint(np.ldexp(numbers.ravel(), 24 - exponent)), exponent)
 
 
 def design_problem(

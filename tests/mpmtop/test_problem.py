@@ -1,5 +1,7 @@
 """Density filter, SIMP and the gradient of compliance through both."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -10,7 +12,7 @@ from mpmtop.model import discretise
 from mpmtop.points import MaterialPoints
 from mpmtop.problem import DesignProblem, design_problem, plan
 from mpmtop.scene import PNormStress
-from mpmtop.shape_functions import ShapeFunction, gimp, tent
+from mpmtop.shape_functions import ShapeFunction, bspline3, gimp, tent
 from tests.scenes import SHAPE_FUNCTIONS, cantilever
 
 pytestmark = pytest.mark.filterwarnings("ignore::mpmtop.diagnose.ModelWarning")  # bodies are moved and cut on purpose
@@ -98,6 +100,23 @@ def test_fingerprint_tells_problems_apart() -> None:
         fingerprint(0.3, gimp),
     ]
     assert len({*same, *different}) == 10
+
+
+def test_a_last_bit_is_not_in_the_fingerprint(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What another BLAS or processor computes is off by a few of them; a power of two then changes its exponent."""
+    problem = design_problem(cantilever(), 1.0, shape_function=bspline3)
+    before, model = problem.fingerprint, problem.model
+    for sign in (1, -1):
+        off = 1 + sign * 4e-16
+        transfer = replace(model.transfer, grad_N=model.transfer.grad_N * off)
+        moved = replace(model, transfer=transfer, points=replace(model.points, volume=model.points.volume * off))
+        vars(moved)["f_ext"] = model.f_ext * off
+        assert DesignProblem(moved, problem.design).fingerprint == before
+    other = replace(model, points=replace(model.points, volume=model.points.volume * (1 + 1e-6)))
+    assert DesignProblem(other, problem.design).fingerprint != before
+    for by in ("mpmtop.stiffness.BY_CELL", "mpmtop.filter.BY_CONVOLUTION"):  # other sums of the same numbers
+        monkeypatch.setattr(by, 0)
+    assert design_problem(cantilever(), 1.0, shape_function=bspline3).fingerprint == before
 
 
 def test_densities_are_checked() -> None:

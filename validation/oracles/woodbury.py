@@ -1,5 +1,7 @@
 """Derivatives of an objective by every single density, without an adjoint: difference quotients and exact ones.
 
+Covered are all shape functions, with B-bar or without; a ghost penalty by the exact derivative only.
+
 A density rho_p changes the modulus of one point, and K by the low rank of k_p = F_p^T F_p. For a change delta of any
 size, from one factorisation of K (Sherman, Morrison and Woodbury; Hager 1989, SIAM Rev. 31:221),
 
@@ -16,9 +18,9 @@ differentiated by hand.
 """
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -85,6 +87,17 @@ class BlockTridiagonal:
         return x
 
 
+class GhostPart(NamedTuple):
+    """A ghost penalty's part of dK/dE_p = J^T diag(M_p) J: `jump` J (g, n), `modulus` M (g, p)."""
+
+    jump: sp.csr_array
+    modulus: sp.csr_array
+
+    def loads(self, u: Array) -> sp.csr_array:
+        """dK/dE_p u of every point, (p, n)."""
+        return sp.csr_array(self.modulus.T @ sp.diags_array(self.jump @ u) @ self.jump)
+
+
 @dataclass(frozen=True, eq=False)
 class System:
     """K(E) u = f, K = sum_p E_p F_p^T F_p: n unknowns, p material points (or elements) with d unknowns each.
@@ -103,6 +116,7 @@ class System:
     f: Array
     strain: sp.csr_array
     matrix: Callable[[Numbers], sp.csr_array]
+    ghost: GhostPart | None = None
 
     def moduli(self, rho: Numbers) -> Numbers:
         """Young's moduli (p,) for densities (p,), real or complex, Eq. (10)."""
@@ -143,7 +157,13 @@ def material_points(problem: DesignProblem) -> System:
         return sp.csr_array(lower + sp.triu(lower.T, k=1))
 
     local = (2 * transfer.stencil[:, :, None] + np.arange(2)).reshape(p, 2 * nodes)
-    return _system(problem, pattern.dof, local, F, model.f_ext, transfer.B, matrix)
+    system = _system(problem, pattern.dof, local, F, model.f_ext, transfer.B, matrix)
+    if model.ghost.modulus.shape[0] == 0:
+        return system
+    jump = sp.kron(model.ghost.jump, sp.eye_array(2), format="csr")[:, pattern.dof]  # each of 2 f rows, by component
+    return replace(
+        system, ghost=GhostPart(sp.csr_array(jump), sp.csr_array(model.ghost.modulus[np.arange(jump.shape[0]) // 4]))
+    )
 
 
 def finite_elements(problem: FemProblem) -> System:
@@ -225,8 +245,11 @@ class State:
 def changed_objectives(state: State, change: float, points: Index | None = None) -> tuple[float, Array]:
     """J, and J (m,) after the density of one point alone has grown by `change`, for each of the points (all).
 
-    Exact for a change of any size; a p-norm must be of even p, else ValueError.
+    Exact for a change of any size; a p-norm must be of even p, and there may be no ghost penalty, through which a point
+    changes K by more than its own low rank: else ValueError.
     """
+    if state.system.ghost is not None:
+        raise ValueError("changes of any size with a ghost penalty: take `exact_derivatives`, or ghost=0")
     system, rho = state.system, state.rho
     points = np.arange(len(rho)) if points is None else points
     F, unknown, y = system.F[points], system.unknown[points], state.strained[points]
@@ -283,6 +306,9 @@ def exact_derivatives(state: State, points: Index | None = None) -> Array:
     by_u, explicit = _complex_steps(state)
     d_moduli = np.imag(state.system.moduli(state.rho + 1j * STEP)) / STEP
     derivative = explicit[points]
+    if state.system.ghost is not None:
+        adjoint = state.factor.solve(by_u[:, None])[:, 0]
+        derivative -= d_moduli[points] * (state.system.ghost.loads(state.u)[points] @ adjoint)
     for part, response in state.response(points, d_moduli[points, None] * state.strained[points], SOLVED):
         derivative[part] -= by_u @ response
     return derivative
