@@ -158,14 +158,17 @@ class DesignProblem:
         digest = hashlib.sha256(repr((*said, passive)).encode())
         transfer, ghost = model.transfer, model.ghost
         touched = transfer.touched
-        whole = (touched.sum(axis=1), transfer.stencil[touched], np.sort(model.stiffness.dof), space.solid, space.void)
-        b_bar = () if transfer.b_bar is None else (transfer.b_bar[touched],)
-        computed = (
-            *(model.points.volume, transfer.grad_N[touched], *b_bar, model.D, model.f_ext),
-            *(model.grid.cell_coordinates(grid_points.x), grid_points.volume),
+        sparse = ghost.jump, ghost.modulus
+        whole = (
+            *(touched.sum(axis=1), transfer.stencil[touched], np.sort(model.stiffness.dof), space.solid, space.void),
+            *(index for matrix in sparse for index in (matrix.indices, matrix.indptr)),
         )
-        for sparse in (ghost.jump, ghost.modulus):
-            whole, computed = (*whole, sparse.indices, sparse.indptr), (*computed, sparse.data)
+        computed = (
+            *(model.points.volume, transfer.grad_N[touched], model.D, model.f_ext),
+            *(model.grid.cell_coordinates(grid_points.x), grid_points.volume),
+            *(() if transfer.b_bar is None else (transfer.b_bar[touched],)),
+            *(matrix.data for matrix in sparse),
+        )
         for array in (*whole, *map(_digits, computed)):
             digest.update(np.ascontiguousarray(array, np.int64).tobytes())
         return digest.hexdigest()
