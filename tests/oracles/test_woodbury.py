@@ -139,7 +139,7 @@ B_BAR, GHOST = {"b_bar": True}, {"ghost": 0.5}
 @pytest.mark.parametrize(
     ("function", "how"),
     [(f, B_BAR) for f in SHAPE_FUNCTIONS] + [(f, how) for f in (tent, gimp) for how in (GHOST, GHOST | B_BAR)],
-    ids=str,
+    ids=lambda value: "+".join(value) if isinstance(value, dict) else value.__name__,
 )
 def test_exact_derivative_with_b_bar_and_ghost_penalty(
     objective: Any, function: ShapeFunction, how: dict[str, Any]
