@@ -2,7 +2,7 @@
 
 from mpmtop.body import Body, Material, Support
 from mpmtop.design import Design
-from mpmtop.loads import PointLoad
+from mpmtop.loads import PositionLoad
 from mpmtop.region import Rectangle
 from mpmtop.scene import Scene
 
@@ -15,7 +15,7 @@ def half_mbb(width: float = 60.0, height: float = 20.0, radius: float = 2.4) -> 
     body = Body(
         Rectangle((0.0, 0.0), (width, height)),
         (symmetry, roller),
-        (PointLoad((0.0, height), (0.0, -1.0), points=0),),
+        (PositionLoad((0.0, height), (0.0, -1.0)),),
         Material(1.0, 0.3, "stress"),
     )
     return Scene("half MBB beam", body, Design(0.5, radius, rho_min=0.0))

@@ -76,7 +76,7 @@ def model_of(
     moved = points.moved(shift)
     scene = beam() if scene is None else scene
     settings: dict[str, Any] = {"solver": multigrid, "shape_function": FINER[function], "points": moved} | how
-    return discretise(scene.body, settings.pop("h", 1.0), **settings)
+    return discretise(scene.body, **({} if "grid" in settings else {"h": 1.0}) | settings)
 
 
 @cache
