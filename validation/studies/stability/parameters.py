@@ -173,7 +173,7 @@ def invalid_models() -> Iterator[Refusal]:
     yield Refusal(partial(model_of, "tent", ghost=nan), ValueError, "finite")
     at_tip, at_clamp = (5.0, 1.0), (0.0, 1.0)
     for load, says in (
-        (PointLoad(at_tip, (0.0, 0.0)), "nonzero"),
+        (PointLoad(at_tip, (0.0, 0.0)), "are zero"),
         (PositionLoad(at_clamp, (0.0, 1.0)), "held nodes"),
         (PointLoad(at_tip, (0.0, 1.0), points=99), "99 points"),
     ):
