@@ -150,7 +150,7 @@ class LargeModel:
         F = self.deformation(u)
         P = (F @ _second_stress(self.law, F)[0]).reshape(*self._shape, 1, 4)
         by_element = np.sum((P * (moduli[:, None] * self.basis.dx)[..., None, None]) @ self._gradients, axis=(1, 2))
-        return np.bincount(self._dofs.ravel(), by_element.ravel(), self.basis.N)
+        return np.asarray(np.bincount(self._dofs.ravel(), by_element.ravel(), self.basis.N), float)
 
     def by_moduli(self, u: Array, v: Array) -> Array:
         """v . d(internal forces)/dE (e,)."""
