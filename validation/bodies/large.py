@@ -52,9 +52,9 @@ def box(body: Body, h: float) -> Grid:
     return Grid((-side * h, -(across + side) * h), (h, h), (across + 2 * side, across + down + 2 * side))
 
 
-def points_of(body: Body, h: float, ppc: int, steps: int, method: str) -> Model:
-    """A cantilever of depth 1 by a method, on cells of side h with ppc x ppc points."""
-    return discretise(body, h, ppc, steps=steps, grid=box(body, h), **METHODS[method])
+def points_of(body: Body, h: float, ppc: int, steps: int, method: str, **how: float) -> Model:
+    """A cantilever of depth 1 by a method, on cells of side h with ppc x ppc points; `how` goes before the method's."""
+    return discretise(body, h, ppc, steps=steps, grid=box(body, h), **(METHODS[method] | how))
 
 
 def elements_of(body: Body, h: float, order: int = 2) -> LargeModel:
