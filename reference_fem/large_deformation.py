@@ -15,10 +15,10 @@ from typing import Protocol
 import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
-from skfem import BilinearForm, CellBasis, LinearForm
+from skfem import CellBasis
 from skfem.helpers import grad
 
-from mpmtop.arrays import Array
+from mpmtop.arrays import Array, Index
 from mpmtop.errors import InvalidScene, NotConverged
 from reference_fem.elasticity import FemModel
 
@@ -102,41 +102,77 @@ class NeoHookeanLaw:
 @dataclass(frozen=True, eq=False)
 class LargeModel:
     """A finite element model with a law in large deformation, fully integrated: 2 x 2 Gauss points for the bilinear
-    element, 3 x 3 for the biquadratic one."""
+    element, 3 x 3 for the biquadratic one. Tensors at these points are (e, q, 4), the entries xx, xy, yx, yy."""
 
     fem: FemModel
     law: PrincipalLaw
     basis: CellBasis
 
-    def at_gauss_points(self, moduli: Array) -> Array:
-        """Moduli (e,) at the Gauss points (e, q)."""
-        return np.broadcast_to(moduli[:, None], self.basis.dx.shape)
+    @cached_property
+    def _dofs(self) -> Index:
+        """Degrees of freedom (e, d) of the elements."""
+        return np.asarray(self.basis.element_dofs.T)
+
+    @cached_property
+    def _gradients(self) -> Array:
+        """Gradients (e, q, 4, d) of the functions at the Gauss points."""
+        functions = [np.asarray(grad(function[0])) for function in self.basis.basis]  # (2, 2, e, q) each
+        return np.ascontiguousarray(
+            np.moveaxis(np.stack(functions), (3, 4), (0, 1)).reshape(*self._shape, -1, 4).swapaxes(2, 3)
+        )
+
+    @property
+    def _shape(self) -> tuple[int, int]:
+        """Elements and Gauss points of each."""
+        return self.basis.dx.shape
+
+    @cached_property
+    def _pattern(self) -> tuple[Index, Index, Index]:
+        """Where the entries (e d d,) of element matrices go, and indices and indptr of the tangent."""
+        e, d = self._dofs.shape
+        row, column = (
+            np.broadcast_to(dofs, (e, d, d)).ravel() for dofs in (self._dofs[:, :, None], self._dofs[:, None])
+        )
+        N = self.basis.N
+        keys, entry = np.unique(column.astype(np.intp) * N + row, return_inverse=True)
+        return entry, (keys % N).astype(np.int32), np.searchsorted(keys, N * np.arange(N + 1)).astype(np.int32)
+
+    def _grad(self, u: Array) -> Array:
+        """grad u (e, q, 2, 2)."""
+        return (self._gradients @ u[self._dofs][:, None, :, None]).reshape(*self._shape, 2, 2)
 
     def deformation(self, u: Array) -> Array:
         """F (e, q, 2, 2) of displacements u (N,)."""
-        return np.moveaxis(np.asarray(self.basis.interpolate(u).grad), (0, 1), (-2, -1)) + np.eye(2)
+        return self._grad(u) + np.eye(2)
 
     def residual(self, moduli: Array, u: Array) -> Array:
         """Internal forces (N,) of displacements u (N,) with element moduli (e,)."""
         F = self.deformation(u)
-        P = self.at_gauss_points(moduli)[..., None, None] * (F @ _second_stress(self.law, F)[0])
-        return np.asarray(_internal.assemble(self.basis, P=_fields(P)))
+        P = (F @ _second_stress(self.law, F)[0]).reshape(*self._shape, 1, 4)
+        by_element = np.sum((P * (moduli[:, None] * self.basis.dx)[..., None, None]) @ self._gradients, axis=(1, 2))
+        return np.asarray(np.bincount(self._dofs.ravel(), by_element.ravel(), self.basis.N), float)
 
     def by_moduli(self, u: Array, v: Array) -> Array:
         """v . d(internal forces)/dE (e,)."""
         F = self.deformation(u)
-        P = F @ _second_stress(self.law, F)[0]
-        work = np.sum(P * (self.deformation(v) - np.eye(2)), axis=(-2, -1))
+        work = np.sum(F @ _second_stress(self.law, F)[0] * self._grad(v), axis=(-2, -1))
         return np.sum(work * self.basis.dx, axis=1)
 
     def tangent(self, moduli: Array, u: Array) -> sp.csc_matrix:
         """K (N, N)."""
         F = self.deformation(u)
         S, D = _second_stress(self.law, F)
+        I = np.eye(2)  # noqa: E741
+        M = (F[..., :, None, :, None] * I[None, :, None, :]).reshape(*self._shape, 4, 4)
         # material and geometric part of dP/dF
-        A = np.einsum("...iI,...IJKL,...kK->...iJkL", F, D, F) + np.einsum("ik,...JL->...iJkL", np.eye(2), S)
-        A = self.at_gauss_points(moduli)[..., None, None, None, None] * A
-        return _stiffness.assemble(self.basis, A=np.moveaxis(A, (0, 1), (-2, -1))).tocsc()
+        A = M @ D @ M.swapaxes(-2, -1) + (I[:, None, :, None] * S[..., None, :, None, :]).reshape(*self._shape, 4, 4)
+        A *= (moduli[:, None] * self.basis.dx)[..., None, None]
+        e, d = self._dofs.shape
+        G = self._gradients
+        local = G.reshape(e, -1, d).swapaxes(1, 2) @ (A @ G).reshape(e, -1, d)
+        entry, indices, indptr = self._pattern
+        data = np.bincount(entry, local.ravel(), len(indices))
+        return sp.csc_matrix((data, indices, indptr), shape=(self.basis.N, self.basis.N))
 
 
 def large_model(fem: FemModel, law: PrincipalLaw) -> LargeModel:
@@ -149,30 +185,20 @@ def large_model(fem: FemModel, law: PrincipalLaw) -> LargeModel:
     return LargeModel(fem, law, CellBasis(fem.basis.mesh, fem.basis.elem, intorder=5 if biquadratic else 3))
 
 
-@LinearForm
-def _internal(v, w):  # type: ignore[no-untyped-def]
-    return np.einsum("ij...,ij...->...", w["P"], grad(v))
-
-
-@BilinearForm
-def _stiffness(u, v, w):  # type: ignore[no-untyped-def]
-    return np.einsum("iJkL...,iJ...,kL...->...", w["A"], grad(v), grad(u))
-
-
-def _fields(at_points: Array) -> Array:
-    """(e, q, 2, 2) as the forms want it: (2, 2, e, q)."""
-    return np.moveaxis(at_points, (0, 1), (-2, -1))
-
-
 def _second_stress(law: PrincipalLaw, F: Array) -> tuple[Array, Array]:
-    """S (..., 2, 2) and its moduli 2 dS/dC (..., 2, 2, 2, 2), by the eigenvectors n_a of C = F^T F."""
+    """S (..., 2, 2) and its moduli 2 dS/dC (..., 4, 4), by the eigenvectors n_a of C = F^T F."""
     x, n = np.linalg.eigh(F.swapaxes(-2, -1) @ F)
     S = (n * law.stress(x)[..., None, :]) @ n.swapaxes(-2, -1)
     direct, shear = law.moduli(x)
-    dyads = np.einsum("...Ia,...Jb->...abIJ", n, n)
-    D = np.einsum("...ab,...aaIJ,...bbKL->...IJKL", direct, dyads, dyads)
-    mixed = dyads[..., 0, 1, :, :] + dyads[..., 1, 0, :, :]
-    return S, D + shear[..., None, None, None, None] * np.einsum("...IJ,...KL->...IJKL", mixed, mixed)
+    first, second = n[..., 0], n[..., 1]
+
+    def dyad(a: Array, b: Array) -> Array:
+        return (a[..., :, None] * b[..., None, :]).reshape(*a.shape[:-1], 4)
+
+    N = np.stack([dyad(first, first), dyad(second, second)], axis=-2)
+    mixed = dyad(first, second) + dyad(second, first)
+    D = N.swapaxes(-2, -1) @ direct @ N
+    return S, D + shear[..., None, None] * mixed[..., :, None] * mixed[..., None, :]
 
 
 def load_steps(model: LargeModel, moduli: Array, levels: Array, *, tol: float = TOLERANCE) -> Iterator[Array]:

@@ -4,8 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.optimize import brentq
-from scipy.special import ellipeinc, ellipkinc
 
 from mpmtop.body import Body, Material, Support
 from mpmtop.errors import InvalidScene, NotConverged
@@ -31,6 +29,7 @@ from reference_fem.large_deformation import (
     with_load,
 )
 from tests.mpmtop.large_deformation.cases import cantilever
+from validation.bodies.large import elastica
 
 LAWS = pytest.mark.parametrize(
     ("law", "principal"), [(Hencky(0.3), LogarithmicLaw(0.3)), (NeoHookean(0.3), NeoHookeanLaw(0.3))]
@@ -90,23 +89,6 @@ def test_tangent_and_gradient_are_derivatives(law: Law, principal: PrincipalLaw,
 
     exact = compliance_gradient(model, moduli, list(load_steps(model, moduli, levels)), weights)[1]
     assert exact @ dE == pytest.approx((J(moduli + 1e-4 * dE) - J(moduli - 1e-4 * dE)) / 2e-4, rel=1e-5)
-
-
-def elastica(load: float) -> tuple[float, float]:
-    """Tip displacements (along, across) by length of a cantilever under P L^2 / EI = `load` across it, in closed form.
-
-    With the angle a at the tip, k^2 = (1 + sin a) / 2 and sin p = 1 / (k sqrt 2): sqrt(load) = K(k) - F(p, k), across
-    = 1 - 2 (E(k) - E(p, k)) / sqrt(load), along = 1 - sqrt(2 sin a / load). Source: Bisshopp and Drucker (1945),
-    Quart. Appl. Math. 3:272.
-    """
-
-    def part(a: float) -> tuple[float, float]:
-        m = (1 + np.sin(a)) / 2
-        p = np.arcsin(1 / np.sqrt(2 * m))
-        return ellipkinc(np.pi / 2, m) - ellipkinc(p, m), ellipeinc(np.pi / 2, m) - ellipeinc(p, m)
-
-    a = brentq(lambda a: part(a)[0] - np.sqrt(load), 1e-9, np.pi / 2 - 1e-9, xtol=1e-14)
-    return 1 - np.sqrt(2 * np.sin(a) / load), 1 - 2 * part(a)[1] / np.sqrt(load)
 
 
 def test_biquadratic_elements_follow_the_elastica() -> None:

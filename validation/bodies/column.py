@@ -12,6 +12,7 @@ z exp(z) = w / E, so z = W(w / E) by Lambert's W, and as d(w / E) = (1 + z) exp(
 Source: W. M. Coombs and C. E. Augarde, AMPLE, Adv. Eng. Softw. 139 (2020) 102748.
 """
 
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -22,6 +23,12 @@ from scipy.special import lambertw
 from mpmtop.arrays import Array
 from mpmtop.body import Body, Material, Support
 from mpmtop.equilibrium import equilibrium
+from mpmtop.grid import Grid
+from mpmtop.large_deformation import model as large
+from mpmtop.large_deformation.kinematics import Domains
+from mpmtop.large_deformation.law import jacobian, kirchhoff, stress
+from mpmtop.large_deformation.steps import trajectory
+from mpmtop.loads import RegionLoad
 from mpmtop.model import discretise
 from mpmtop.points import MaterialPoints, seed
 from mpmtop.region import Rectangle
@@ -93,6 +100,19 @@ def errors(cells: int, shape_function: ShapeFunction, *, deformed: bool) -> Colu
     error = np.abs(model.stress(state.moduli, state.strain)[:, 1] + BASE_STRESS * (1 - Y / LENGTH)) / BASE_STRESS
     by_initial, by_volume = (float(np.average(error, weights=p.volume)) for p in (initial, points))
     return ColumnErrors(by_initial, by_volume)
+
+
+def load_steps_error(cells: int, shape_function: ShapeFunction, domains: Domains, steps: int = 40) -> float:
+    """Stress error of the column in load steps, by initial volumes; the Cauchy stress is what statics says."""
+    h = LENGTH / cells
+    body = column(h)
+    body = replace(body, loads=(RegionLoad(body.domain, (0.0, -BASE_STRESS * h)),))
+    box = Grid((-h, -h), (h, h), (3, cells + 2))
+    model = large.discretise(body, h, 2, shape_function, steps=steps, domains=domains, alpha=0.0, grid=box)
+    F = trajectory(model, np.full(len(model.points.x), YOUNG)).states[-1].F
+    cauchy = YOUNG * kirchhoff(stress(model.law, F), F)[:, 1, 1] / jacobian(F)
+    exact = -BASE_STRESS * (1 - model.points.x[:, 1] / LENGTH)
+    return float(np.mean(np.abs(cauchy - exact)) / BASE_STRESS)
 
 
 def ample() -> pd.DataFrame:
