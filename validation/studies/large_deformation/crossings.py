@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mpmtop.arrays import Array
+from mpmtop.arrays import Array, Index
 from mpmtop.equilibrium import equilibrium
 from mpmtop.large_deformation.law import kirchhoff, stress
 from mpmtop.large_deformation.model import Model
@@ -85,7 +85,7 @@ def _pushed(
     return Crossed(float(np.mean(ahead)), float(model.f_ext @ state.u) / compliance - 1, _error(found, exact, points.x))
 
 
-def _same_places(centres: Array, x: Array) -> Array:
+def _same_places(centres: Array, x: Array) -> Index:
     """Which of the elements (e, 2) has its centre at each of the points x (p, 2)."""
     here, there = (np.lexsort(np.rint(8 * at / H).astype(int).T) for at in (x, centres))
     order = np.empty(len(x), dtype=np.intp)
