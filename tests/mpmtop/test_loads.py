@@ -129,7 +129,7 @@ def test_a_traction_by_forces_at_positions_is_uniform(shape_function: ShapeFunct
 def test_a_load_on_the_last_grid_line(shape_function: ShapeFunction) -> None:
     """A grid that ends with the body has no cell on the other side: the last one is closed."""
     body = cantilever(8, 4, load=PositionLoad((8.0, 4.0), (0.0, -1.0))).body
-    tight = discretise(body, grid=Grid((0.0, 0.0), (1.0, 1.0), (8, 4)), h=1.0, shape_function=shape_function)
+    tight = discretise(body, grid=Grid((0.0, 0.0), (1.0, 1.0), (8, 4)), shape_function=shape_function)
     wide = discretise(body, 1.0, shape_function=shape_function)
     u = [equilibrium(model, np.ones(128)).u for model in (tight, wide)]
     np.testing.assert_allclose(u[0], u[1], rtol=0, atol=1e-11 * np.abs(u[1]).max())

@@ -1,4 +1,4 @@
-"""The equations of a cantilever written out in extended precision, apart from mpmtop's.
+"""The equations of a body written out in extended precision, apart from mpmtop's.
 
 Shape functions, strain operator, tangent, load, clamp, objectives and gradients follow from closed forms, evaluated at
 all nodes of the grid. Of the model only data is read: scene, grid, points, which shape function, and the ghost
@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mpmtop.arrays import Array, Index
+from mpmtop.arrays import Array, Index, Mask
 from mpmtop.body import Body, Material
 from mpmtop.grid import Grid
 from mpmtop.loads import Load, PointLoad, RegionLoad
@@ -58,25 +58,45 @@ def equations_of(model: Model) -> Equations:
     """What the model should hold."""
     grid, points, body = model.grid, model.points, model.body
     nodes, N, B = operators(grid, points, model.shape_function.__name__)
+    if model.transfer.b_bar is not None:
+        B = mean_dilatation(B, grid, points)
     f_ext = nodal_force(body.loads, grid, points.x, points.volume, N)
-    x = grid.origin[0] + nodes // (grid.cells[1] + 1) * EXTENDED(grid.h[0])
-    free = np.flatnonzero(np.repeat(x > clamp(body) + ON * min(grid.h), 2))
+    free = np.flatnonzero(~held(body, grid, nodes))
     jump, modulus = model.ghost.jump.toarray(), model.ghost.modulus.toarray()
     return Equations(nodes, N, B, tangent(body.material), f_ext, free, points.volume, jump, modulus)
 
 
-def clamp(body: Body) -> float:
-    """Nodes up to this x are held, in both components."""
-    (support,) = body.supports
-    return float(support.region.bounds[1][0])
+def held(body: Body, grid: Grid, nodes: Index) -> Mask:
+    """Which of the unknowns (2a,) are: nodes in a support's region, in its components."""
+    line = np.stack([nodes // (grid.cells[1] + 1), nodes % (grid.cells[1] + 1)], axis=1)
+    x = np.array(grid.origin) + line * np.array(grid.h)
+    by_support = [np.outer(s.region.contains(x, ON * min(grid.h)), s.fixed) for s in body.supports]
+    any_support: Mask = np.any(by_support, axis=0)
+    return any_support.ravel()
+
+
+def mean_dilatation(B: Array, grid: Grid, points: MaterialPoints) -> Array:
+    """B (3p, 2a) with the dilatation of each cell's points at its mean by volume, the rest of the strain as it was."""
+    xi = (points.x - grid.origin) / grid.h
+    cell = np.floor(xi + kink_tolerance(grid, points)) @ [grid.cells[1] + 1, 1]
+    share = (cell[:, None] == cell) * points.volume.astype(EXTENDED)
+    strain = B.reshape(len(cell), 3, -1).copy()
+    dilatation = strain[:, 0] + strain[:, 1]
+    strain[:, :2] += ((share / share.sum(axis=1, keepdims=True) @ dilatation - dilatation) / 2)[:, None]
+    return strain.reshape(B.shape)
+
+
+def kink_tolerance(grid: Grid, points: MaterialPoints) -> float:
+    """Part of a cell to which a position is on a line: what forming it in cells can lose, at least 1e-12."""
+    largest = max(np.abs(points.x).max(), *np.abs(grid.origin))
+    return max(1e-12, 8 * float(np.finfo(float).eps) * largest / min(grid.h))
 
 
 @lru_cache(maxsize=2)
 def operators(grid: Grid, points: MaterialPoints, function: str) -> tuple[Index, Array, Array]:
     """Nodes (a,) that some point touches, N (p, a) and B (3p, 2a); rows of B are xx, yy and engineering shear xy."""
     xi = (points.x - grid.origin) / grid.h
-    largest = max(np.abs(points.x).max(), *np.abs(grid.origin))
-    tol = max(1e-12, 8 * np.finfo(float).eps * largest / min(grid.h))
+    tol = kink_tolerance(grid, points)
     axis = AXIS[function]
     (Nx, Gx), (Ny, Gy) = (
         axis(xi[:, k], points.half_length[:, k] / grid.h[k], tol, np.arange(grid.cells[k] + 1.0)) for k in (0, 1)

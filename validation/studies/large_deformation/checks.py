@@ -106,8 +106,8 @@ def rotated(method: str) -> tuple[float, Array]:
 
 
 def energy_gap(model: Model, path: Trajectory) -> float:
-    """(work of the loads - stored energy) / stored energy at the end: work by the trapezium rule over the steps, the
-    background's share of less than alpha left out."""
+    """(work of the loads - stored energy) / stored energy at the end: work by the trapezium rule over the steps. What
+    the background takes on every increment is not stored, and part of the gap."""
     levels = np.append(0.0, model.levels)
     moved_by = [np.sum(model.force * (b.x - a.x)) for a, b in zip(path.states[:-1], path.states[1:], strict=True)]
     work = float(np.sum((levels[:-1] + levels[1:]) / 2 * moved_by))
