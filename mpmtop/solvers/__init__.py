@@ -36,7 +36,7 @@ pays next to nothing, moves the crossover up."""
 
 
 def choose_solver(pattern: Pattern) -> Solver:
-    """The solver measured fastest for the size."""
+    """The solver for the size, see SPARSE_FROM and MULTIGRID_FROM."""
     if pattern.m >= MULTIGRID_FROM and pattern.lattice is not None:
         return MultigridCG(pattern)
     return BandedCholesky(pattern) if pattern.m < SPARSE_FROM else SparseCholesky(pattern)
