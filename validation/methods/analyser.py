@@ -39,7 +39,7 @@ ROUNDING_RISE = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class Design:
+class DensityField:
     """Physical densities rho (p,) at positions x (p, 2) that own rectangles of half-length (p, 2)."""
 
     x: Array
@@ -53,14 +53,14 @@ class Design:
             raise ValueError("the design lives on other points: analyse it with `reference_fem.reanalyse`")
         return self.rho[nearest]
 
-    def black_and_white(self) -> "Design":
+    def black_and_white(self) -> "DensityField":
         """The design cut at the density that keeps its volume: the densest points 1, the others 0."""
         area = self.half_length.prod(axis=1)
         densest = np.argsort(-np.round(self.rho, 6), kind="stable")  # rounding does not choose between mirror images
         filled = np.cumsum(area[densest]) <= (1 + 1e-9) * float(self.rho @ area)
         rho = np.zeros_like(self.rho)
         rho[densest[filled]] = 1.0
-        return Design(self.x, self.half_length, rho)
+        return DensityField(self.x, self.half_length, rho)
 
     @property
     def grayness(self) -> float:
@@ -92,13 +92,13 @@ class Analyser:
     half_length: Array
     solid_von_mises: Callable[[Any], Array]
 
-    def compliance(self, design: Design) -> float:
+    def compliance(self, design: DensityField) -> float:
         """Compliance of a design on these points, whoever made it."""
         return float(self.problem.analyse(design.at(self.x)).objective)
 
-    def design(self, rho: Array) -> Design:
+    def design(self, rho: Array) -> DensityField:
         """A field on this method's points, physical densities in general."""
-        return Design(self.x, self.half_length, rho)
+        return DensityField(self.x, self.half_length, rho)
 
 
 def stress_measure(scene: Scene) -> StressMeasure:
@@ -168,7 +168,7 @@ class Optimisation:
     objective: Array
     volume: Array
     solves: Index
-    designs: dict[int, Design]
+    designs: dict[int, DensityField]
     converged: bool
 
     @classmethod
@@ -202,7 +202,7 @@ class Optimisation:
         return float(self.objective[-1])
 
     @property
-    def design(self) -> Design:
+    def design(self) -> DensityField:
         """The last design."""
         return self.designs[self.iterations]
 

@@ -9,7 +9,15 @@ from mpmtop.optimizers import GCMMA, SingleStepGCMMA, UpdateRule
 from mpmtop.scene import PNormStress, StressMeasure
 from validation.bodies.crossing import Crossing, Periodic
 from validation.bodies.scenes import CORNER, SPACING, l_bracket
-from validation.methods.analyser import JOBS, MOVE, SHAPE_FUNCTIONS, Analyser, Design, Optimisation, material_points
+from validation.methods.analyser import (
+    JOBS,
+    MOVE,
+    SHAPE_FUNCTIONS,
+    Analyser,
+    DensityField,
+    Optimisation,
+    material_points,
+)
 
 CROSSING = Periodic(4)
 """Calibrated on the cantilever's tip."""
@@ -53,7 +61,7 @@ def optimised(cases: list[Case]) -> dict[Case, Optimisation]:
     return dict(zip(cases, Parallel(n_jobs=JOBS)(delayed(optimise)(case) for case in cases), strict=True))
 
 
-def clearance(design: Design) -> float:
+def clearance(design: DensityField) -> float:
     """Distance from the re-entrant corner to the nearest point of at least half density [h]."""
     material = design.x[design.rho >= SOLID]
     return float(np.min(np.linalg.norm(material - CORNER, axis=1)))

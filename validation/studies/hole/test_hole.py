@@ -43,7 +43,7 @@ from validation.measures.timing import cpu_seconds, iteration
 from validation.methods.analyser import (
     PAPER_RULE,
     Analyser,
-    Design,
+    DensityField,
     Optimisation,
     finite_elements,
     material_points,
@@ -109,7 +109,7 @@ def judge(analysers: dict[str, Analyser]) -> Judge:
     return build_judge(perforated(absent=True), points.x, points.half_length, split=1)
 
 
-def on_points(design: Design, points: Analyser) -> Design:
+def on_points(design: DensityField, points: Analyser) -> DensityField:
     """The design at the points outside the hole, or that of the element nearest to each."""
     return points.design(design.rho[KDTree(design.x).query(points.x)[1]])
 

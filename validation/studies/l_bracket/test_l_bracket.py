@@ -34,7 +34,16 @@ from validation.harness.progress import ShowProgress
 from validation.harness.report import Report
 from validation.measures.drawing import draw_design, draw_points
 from validation.measures.timing import cpu_seconds, evaluation_with_gradient
-from validation.methods.analyser import JOBS, METHODS, MOVE, PAPER_RULE, ROUNDING_RISE, Analyser, Design, Optimisation
+from validation.methods.analyser import (
+    JOBS,
+    METHODS,
+    MOVE,
+    PAPER_RULE,
+    ROUNDING_RISE,
+    Analyser,
+    DensityField,
+    Optimisation,
+)
 
 ASKED = "Without crossing, does MPM find designs of low stress, and are they so in truth?"
 
@@ -91,7 +100,7 @@ def relaxed(analyser: Analyser, rho: Array) -> Array:
     return np.sqrt(rho) * analyser.solid_von_mises(analyser.problem.analyse(rho))
 
 
-def clearance(design: Design) -> float:
+def clearance(design: DensityField) -> float:
     """Distance from the re-entrant corner to the nearest point of density 0.5 or more."""
     return float(np.linalg.norm(design.x - CORNER, axis=1)[design.rho >= 0.5].min())
 

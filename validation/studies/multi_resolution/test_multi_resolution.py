@@ -34,7 +34,7 @@ from validation.harness.progress import ShowProgress
 from validation.harness.report import Report
 from validation.measures.drawing import draw_design, draw_points
 from validation.measures.timing import cpu_seconds, iteration
-from validation.methods.analyser import Analyser, Design, Optimisation, material_points, no_stress
+from validation.methods.analyser import Analyser, DensityField, Optimisation, material_points, no_stress
 
 ASKED = "Do more points on the same grid give better designs?"
 
@@ -104,7 +104,7 @@ def judge(grids: dict[str, MaterialPoints]) -> Judge:
     return build_judge(distributed_load(), grids["high"].x, grids["high"].half_length, split=1)
 
 
-def remapped(design: Design, fine: MaterialPoints) -> Array:
+def remapped(design: DensityField, fine: MaterialPoints) -> Array:
     """Densities of a design at finer points: of the rectangle that holds each, the nearest if two do."""
     return design.rho[owners(fine.x, design.x, design.half_length)]
 

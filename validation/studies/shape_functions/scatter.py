@@ -12,7 +12,7 @@ from mpmtop.scene import Compliance, PNormStress
 from reference_fem import simp
 from validation.bodies.crossing import Crossing
 from validation.bodies.scenes import SPACING, H, cantilever
-from validation.methods.analyser import SHAPE_FUNCTIONS, Design
+from validation.methods.analyser import SHAPE_FUNCTIONS, DensityField
 
 DENSITY = 0.4
 """The uniform density."""
@@ -66,5 +66,7 @@ def fem_gradients(points: MaterialPoints) -> tuple[Array, Array]:
     for objective in (Compliance(), PNormStress()):
         fem = simp.design_problem(cantilever(objective=objective), SPACING)
         gradient = fem.density_gradient(fem.analyse(np.full(len(points.x), DENSITY)))
-        gradients.append(Design(fem.model.centres, np.full_like(fem.model.centres, SPACING / 2), gradient).at(points.x))
+        gradients.append(
+            DensityField(fem.model.centres, np.full_like(fem.model.centres, SPACING / 2), gradient).at(points.x)
+        )
     return gradients[0], gradients[1]

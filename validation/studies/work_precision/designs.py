@@ -14,14 +14,14 @@ from reference_fem.reanalyse import Judge, build_judge
 from reference_fem.simp import design_problem
 from validation.measures.outcome import of_elements, of_points
 from validation.measures.timing import measured
-from validation.methods.analyser import Design
+from validation.methods.analyser import DensityField
 from validation.studies.work_precision.field import optimised, tip_scene
 
 
 class Optimised(NamedTuple):
     """An optimisation's design, the unknowns and nonzeros of K of its analyses, and its objective as it sees it."""
 
-    design: Design
+    design: DensityField
     unknowns: int
     nonzeros: int
     objective: float
@@ -33,7 +33,7 @@ def optimised_points(per_h: float, ppc: int) -> Optimised:
     model = problem.model
     rho = optimised(problem)
     cost = of_points(model, {})
-    design = Design(model.points.x, model.points.half_length, rho)
+    design = DensityField(model.points.x, model.points.half_length, rho)
     return Optimised(design, cost.unknowns, cost.nonzeros, float(problem.analyse(rho).objective))
 
 
@@ -42,11 +42,11 @@ def optimised_elements(size: float) -> Optimised:
     problem = design_problem(tip_scene(), size)
     rho = optimised(problem)
     cost = of_elements(problem.model, {})
-    design = Design(problem.model.centres, np.full_like(problem.model.centres, size / 2), rho)
+    design = DensityField(problem.model.centres, np.full_like(problem.model.centres, size / 2), rho)
     return Optimised(design, cost.unknowns, cost.nonzeros, float(problem.analyse(rho).objective))
 
 
-def true_compliance(designs: Mapping[Any, Design], pitch: float = 0.5) -> dict[Any, float]:
+def true_compliance(designs: Mapping[Any, DensityField], pitch: float = 0.5) -> dict[Any, float]:
     """Compliance of each design by biquadratic elements no wider than `pitch` [h], one judge for each spacing."""
     judges: dict[float, Judge] = {}
     positions: dict[float, Array] = {}

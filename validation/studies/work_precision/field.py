@@ -19,7 +19,7 @@ from reference_fem.simp import design_problem
 from validation.bodies.crossing import Crossing, points_model
 from validation.bodies.scenes import cantilever, changed
 from validation.measures.outcome import Measure, of_elements, of_points
-from validation.methods.analyser import PAPER_RULE, Design
+from validation.methods.analyser import PAPER_RULE, DensityField
 
 RADIUS = 1.5
 """Of the density filter [h], in all designs of the study."""
@@ -43,13 +43,13 @@ def optimised(problem: Problem[Any], iterations: int = 40) -> Array:
 
 
 @cache
-def field() -> Design:
+def field() -> DensityField:
     """The fixed field: the cantilever after 40 iterations, one density for each of 40 x 20 bilinear elements."""
     problem = design_problem(tip_scene(), 1.0)
     centres = problem.model.centres
-    found = Design(centres, np.full_like(centres, 0.5), optimised(problem))
+    found = DensityField(centres, np.full_like(centres, 0.5), optimised(problem))
     squares = seed(tip_scene().body.domain, (1.0, 1.0))
-    return Design(squares.x, squares.half_length, found.at(squares.x))
+    return DensityField(squares.x, squares.half_length, found.at(squares.x))
 
 
 @cache

@@ -35,7 +35,7 @@ from validation.methods.analyser import (
     ROUNDING_RISE,
     SHAPE_FUNCTIONS,
     Analyser,
-    Design,
+    DensityField,
     Optimisation,
     material_points,
 )
@@ -170,7 +170,7 @@ def draw_fields(report: Report, lattice: Analyser, fields: dict[str, Array]) -> 
     report.figure("fields", figure, f"Von Mises stress of the solid bracket, MPM with {CROSSING}.")
 
 
-def boundary_length(design: Design) -> float:
+def boundary_length(design: DensityField) -> float:
     """Total variation sum |rho_p - rho_q| over neighbouring points times their spacing: for a black and white design
     the length of its boundary along the axes [h]."""
     p, q = KDTree(design.x).query_pairs(1.01 * SPACING, output_type="ndarray").T
