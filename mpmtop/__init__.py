@@ -12,13 +12,13 @@ How a body is discretised:
     shape_functions tent, gimp, bspline2, bspline3
     points          MaterialPoints, seed; quadtree refines them, grid lies behind them
     model           discretise(body, h, ppc, shape_function) -> Model
-    equilibrium     equilibrium(model, moduli): displacements and strains, checked; mechanism names what moves freely
+    equilibrium     equilibrium(model, moduli): u, strains and adjoints, checked; mechanism names what moves freely
     transfer, voigt, material, b_bar, ghost, stiffness, solvers    what these are made of
     diagnose        what misleads about a body: glued gaps, near-mechanisms, points on grid lines
 
 How a design is optimised:
     problem         design_problem(scene, h, ppc, shape_function) -> DesignProblem; plan(problem) says what is skipped
-    objectives, filter                                             value and gradient; from design to density
+    objectives, filter, variables                                  value and derivatives; from design to density
     optimizers      optimize(problem, rule), GCMMA, MMA, OptimalityCriteria, continuation
 
 What is shown:

@@ -1,4 +1,8 @@
-"""Equilibrium: f_int(u) = f_ext (Eqs. 3 and 4), solved with one factorisation, refined and checked."""
+"""Equilibrium: R(u) = f_ext - f_int(u) = 0 (Eqs. 3 and 4), and its adjoint, solved with one factorisation and checked.
+
+Residual and tangent are what all is made of. Small-strain elasticity is linear: f_int = K(E) u, one step of Newton's
+method from u = 0 is exact, and the tangent K(E), factored once, is the adjoint's, too.
+"""
 
 import warnings
 from dataclasses import dataclass
@@ -54,8 +58,7 @@ def equilibrium(
             raise InvalidScene("the body has no load: add one, or give the nodal forces `f_ext`")
         f_ext = model.f_ext
     tol = model.solver.tolerance if tol is None else tol
-    with mechanism_named(model, moduli):
-        solve = model.solver.factor(model.stiffness.data(moduli), tol)
+    solve = tangent(model, moduli, tol)
     found = checked_solve(model, moduli, solve, f_ext, tol=tol, max_solves=max_solves)
     if model not in _ANALYSED:
         _ANALYSED.add(model)
@@ -65,6 +68,17 @@ def equilibrium(
     return Equilibrium(moduli, f_ext, found.u, found.strain, solve, tol, found.solves, found.residual)
 
 
+def tangent(model: Model, moduli: Array, tol: float) -> Solve:
+    """K^-1 of K = -dR/du over the free degrees of freedom, factored; for an iterative solver, to `tol`."""
+    with mechanism_named(model, moduli):
+        return model.solver.factor(model.stiffness.data(moduli), tol)
+
+
+def residual(model: Model, moduli: Array, u: Array, load: Array, strain: Array | None = None) -> Array:
+    """R = load - f_int(u) (m,) over the free degrees of freedom; `strain` (p, 3) if it is known."""
+    return (load - _internal_force(model, moduli, u, strain))[model.stiffness.dof]
+
+
 class Solution(NamedTuple):
     """u (2a,), zero where held, its strains (p, 3), the solves it took and |R| / |load| over the free unknowns."""
 
@@ -72,6 +86,58 @@ class Solution(NamedTuple):
     strain: Array
     solves: int
     residual: float
+
+
+class Derivative(NamedTuple):
+    """dJ of an objective J = work f_ext . u + j(u, rho) at a state: dj/drho (p,) at fixed u and dj/du (2a,).
+
+    None stands for zero. `scale` is the size of sum_p E_p dj/dE_p = -u . dj/du where that is known and no symmetry
+    makes it zero, as it is j itself for a j of degree one in u; see `checked_solve`.
+    """
+
+    rho: Array | None = None
+    u: Array | None = None
+    work: float = 0.0
+    scale: float | None = None
+
+
+class Adjoint(NamedTuple):
+    """lambda = work u + mu with K lambda = dJ/du: the state itself stands for its own load, mu is solved for."""
+
+    work: float
+    mu: Solution | None
+
+
+def adjoint(model: Model, state: Equilibrium, by: Derivative) -> Adjoint:
+    """The adjoint of the state, from L = J + lambda . R: dL/du = 0.
+
+    The work of the loads is self-adjoint, K u = f_ext. What else depends on u takes one checked solve, with the
+    factorisation of the state.
+    """
+    if by.u is None:
+        return Adjoint(by.work, None)
+    mu = checked_solve(model, state.moduli, state.solve, by.u, state=state.u, scale=by.scale, tol=state.tol)
+    return Adjoint(by.work, mu)
+
+
+def moduli_gradient(model: Model, state: Equilibrium, found: Adjoint) -> Array:
+    """dJ/dE_p = lambda . dR/dE_p = -V_p eps_p(lambda) . D eps_p(u) - the ghost penalty's work, (p,).
+
+    That is Eq. (16), or Eqs. (17) to (20), before the chain rule through SIMP.
+    """
+    by_moduli = np.zeros_like(state.moduli)
+    if found.work != 0:
+        by_moduli = found.work * _by_moduli(model, state, state.u, state.strain)
+    if found.mu is not None:
+        by_moduli = by_moduli + _by_moduli(model, state, found.mu.u, found.mu.strain)
+    return by_moduli
+
+
+def _by_moduli(model: Model, state: Equilibrium, v: Array, strain: Array) -> Array:
+    energy = strain @ model.D
+    energy *= state.strain
+    by_strain = -model.points.volume * np.sum(energy, axis=1)
+    return by_strain - model.ghost.work(v, state.u)
 
 
 @np.errstate(over="ignore", invalid="ignore")  # what leaves the range is refused below, by name
@@ -106,29 +172,29 @@ def checked_solve(
     tol = model.solver.tolerance if tol is None else tol
     free = model.stiffness.dof
     u = np.zeros_like(load)
-    residual = load[free]
-    if not np.any(residual):
+    R = load[free]
+    if not np.any(R):
         return Solution(u, model.transfer.strain(u), 0, 0.0)
-    size = np.linalg.norm(residual)
+    size = np.linalg.norm(R)
     stored = 0.0 if state is None or scale is not None else abs(float(state @ _internal_force(model, moduli, state)))
     for count in range(1, max_solves + 1):
         with mechanism_named(model, moduli):
-            u[free] += solve(residual)
+            u[free] += solve(R)
         strain = model.transfer.strain(u)
-        residual = (load - _internal_force(model, moduli, u, strain))[free]
+        R = residual(model, moduli, u, load, strain)
         energy = float(load @ u)
         if not energy > 0 or energy == np.inf:
             raise _unusable(model, moduli, u[free], energy)
-        relative = float(np.linalg.norm(residual) / size)
+        relative = float(np.linalg.norm(R) / size)
         v = u if state is None else state
         product = float(np.sqrt(energy) * np.sqrt(stored))
         whole = energy if state is None else product if scale is None else abs(scale)
-        missed = _part(abs(float(residual @ v[free])), whole)
+        missed = _part(abs(float(R @ v[free])), whole)
         if relative <= tol and missed <= tol:
             return Solution(u, strain, count, relative)
     with mechanism_named(model, moduli):
-        correction = solve(residual)
-    error = abs(float(residual @ correction)) / energy + (missed if state is None else 0.0)
+        correction = solve(R)
+    error = abs(float(R @ correction)) / energy + (missed if state is None else 0.0)
     if error <= tol and (state is None or missed <= max(tol, ADJOINT)):
         return Solution(u, strain, max_solves, relative)
     raise NotConverged(

@@ -1,7 +1,6 @@
-"""Objectives: value, and gradient with respect to densities and moduli, both from one state of equilibrium.
+"""Objectives: the value of a state of equilibrium, and its derivatives by the densities and by the displacements.
 
-The state depends on the densities rho (p,) through the point moduli E (p,) only; an objective may depend on rho
-besides. A gradient is the pair (dJ/drho at fixed state, dJ/dE), each (p,), to which SIMP's chain rule is applied.
+What follows from these is not theirs: the state solves its adjoint, and the law gives dR/dE, see `equilibrium`.
 """
 
 from collections.abc import Callable
@@ -11,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mpmtop.arrays import Array
-from mpmtop.equilibrium import Equilibrium, checked_solve
+from mpmtop.equilibrium import Derivative, Equilibrium
 from mpmtop.material import von_mises, von_mises_form
 from mpmtop.model import Model
 from mpmtop.scene import Compliance, PNormStress, StressMeasure
@@ -25,12 +24,12 @@ ROUNDING = 1e-12
 
 
 class Objective(NamedTuple):
-    """Value and gradient of one objective; `solves` counts the linear solves the gradient takes, `tolerance` is what it
-    asks of an iterative solver beside that one's own."""
+    """Value and derivatives of one objective at a state and densities (p,); `of_stress` says whether stresses and an
+    adjoint are solved for, `tolerance` is what it asks of an iterative solver beside that one's own."""
 
     value: Callable[[Model, Equilibrium, Array], float]
-    gradient: Callable[[Model, Equilibrium, Array], tuple[Array, Array]]
-    solves: int
+    derivative: Callable[[Model, Equilibrium, Array], Derivative]
+    of_stress: bool
     tolerance: float = np.inf
 
 
@@ -40,13 +39,13 @@ def objective(stated: Compliance | PNormStress) -> Objective:
         case Compliance():
             return Objective(
                 lambda model, state, rho: compliance(model, state),
-                lambda model, state, rho: (np.zeros_like(rho), compliance_gradient(model, state)),
-                solves=0,
+                lambda model, state, rho: COMPLIANCE,
+                of_stress=False,
             )
         case PNormStress(p, q, measure):
             value = partial(p_norm_stress, p=p, q=q, measure=measure)
-            gradient = partial(p_norm_stress_gradient, p=p, q=q, measure=measure)
-            return Objective(value, gradient, solves=1, tolerance=STRESS_TOLERANCE)
+            derivative = partial(p_norm_stress_derivative, p=p, q=q, measure=measure)
+            return Objective(value, derivative, of_stress=True, tolerance=STRESS_TOLERANCE)
 
 
 def compliance(model: Model, state: Equilibrium) -> float:
@@ -54,13 +53,8 @@ def compliance(model: Model, state: Equilibrium) -> float:
     return float(state.f_ext @ state.u)
 
 
-def compliance_gradient(model: Model, state: Equilibrium) -> Array:
-    """dJ1/dE_p = -V_p eps_p . D eps_p, (p,), and a ghost penalty's part: Eq. (16) before the chain rule through SIMP.
-
-    From L = J + lambda.(f_ext - f_int(u)): dL/du = 0 gives K lambda = dJ/du = f_ext, so lambda = u (self-adjoint, no
-    further solve) and dJ1/dE_p = -u . dK/dE_p u.
-    """
-    return _by_moduli(model, state, state.u, state.strain)
+COMPLIANCE = Derivative(work=1.0)
+"""The derivative of the compliance: it is self-adjoint."""
 
 
 def p_norm_stress(
@@ -70,31 +64,27 @@ def p_norm_stress(
     return _p_norm(rho**q * _solid_von_mises(model, state, measure)[1], p)
 
 
-def p_norm_stress_gradient(
+def p_norm_stress_derivative(
     model: Model, state: Equilibrium, rho: Array, *, p: float, q: float, measure: StressMeasure = "von_mises"
-) -> tuple[Array, Array]:
-    """Gradient of J2; one checked solve with the state's factorisation, K lambda = dJ2/du.
+) -> Derivative:
+    """dJ2/drho_p at fixed state and dJ2/du.
 
     w_p = dJ2/ds_p = (s_p / J2)^(p-1), in [0, 1]. At fixed state dJ2/drho_p = w_p q s_p / rho_p; at rho_p = 0 it is
-    one-sided, see `_by_density`, and may be infinite. dJ2/du = sum_p w_p rho_p^q E0 B_p^T D dvm/dsigma_p;
-    dJ2/dE_p = -V_p eps_p(lambda) . D eps_p.
-    Without stress vm has no derivative; zero, one of its subgradients, is taken.
-    (Eqs. 17 to 20 of the paper, from L = J + lambda.(f_ext - f_int(u)).)
+    one-sided, see `_by_density`, and may be infinite. dJ2/du = sum_p w_p rho_p^q E0 B_p^T D dvm/dsigma_p. Without
+    stress vm has no derivative; zero, one of its subgradients, is taken. (Eqs. 17 to 20 of the paper.)
     """
     stress, vm = _solid_von_mises(model, state, measure)
     s = rho**q * vm
     J = _p_norm(s, p)
     explicit = _by_density(rho, vm, J, p, q)
     if J == 0:
-        return explicit, np.zeros_like(rho)
+        return Derivative(explicit)
     w = (s / J) ** (p - 1)
     by_stress = stress @ von_mises_form(model.body.material, measure)  # vm dvm/dsigma
     direction = np.divide(by_stress, vm[:, None], out=np.zeros_like(by_stress), where=vm[:, None] > 0)
     E0 = model.body.material.young
     by_strain = (w * rho**q * E0)[:, None] * (direction @ model.D)
-    by_u = model.transfer.B.T @ by_strain.ravel()
-    adjoint = checked_solve(model, state.moduli, state.solve, by_u, state=state.u, scale=J, tol=state.tol)
-    return explicit, _by_moduli(model, state, adjoint.u, adjoint.strain)
+    return Derivative(explicit, model.transfer.B.T @ by_strain.ravel(), scale=J)
 
 
 def _by_density(rho: Array, vm: Array, J: float, p: float, q: float) -> Array:
@@ -116,14 +106,6 @@ def _by_density(rho: Array, vm: Array, J: float, p: float, q: float) -> Array:
         with np.errstate(over="ignore"):  # infinite, then
             slope[growing] = q * vm[growing] * ((vm[growing] / J) ** (p - 1) if J > 0 else 1.0)
     return slope
-
-
-def _by_moduli(model: Model, state: Equilibrium, adjoint: Array, adjoint_strain: Array) -> Array:
-    """dJ/dE_p = -lambda . dK/dE_p u = -V_p eps_p(lambda) . D eps_p(u) - the ghost penalty's work, (p,)."""
-    energy = adjoint_strain @ model.D
-    energy *= state.strain
-    by_strain = -model.points.volume * np.sum(energy, axis=1)
-    return by_strain - model.ghost.work(adjoint, state.u)
 
 
 def _solid_von_mises(model: Model, state: Equilibrium, measure: StressMeasure) -> tuple[Array, Array]:

@@ -10,9 +10,8 @@ import scipy.sparse as sp
 
 from mpmtop.arrays import Array
 from mpmtop.design import Design, physical_densities
-from mpmtop.equilibrium import Equilibrium, equilibrium
-from mpmtop.errors import InvalidScene, LoadOutsideBody
-from mpmtop.filter import DensityFilter, DesignSpace, density_filter, design_space, passive_filter
+from mpmtop.equilibrium import Equilibrium, adjoint, equilibrium, moduli_gradient
+from mpmtop.errors import LoadOutsideBody
 from mpmtop.material import simp
 from mpmtop.model import Model, discretise
 from mpmtop.objectives import Objective, objective
@@ -21,6 +20,7 @@ from mpmtop.scene import Compliance, PNormStress, Scene, check_together, finite_
 from mpmtop.shape_functions import ShapeFunction, tent
 from mpmtop.solvers import MAX_ITERATIONS, MultigridCG
 from mpmtop.stiffness import CellMap
+from mpmtop.variables import DesignVariables
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +39,7 @@ class Evaluation:
 
 
 @dataclass(frozen=True, eq=False)
-class DesignProblem:
+class DesignProblem(DesignVariables):
     """Minimise `objective` subject to sum V_p rho_p <= V* sum V_p over one variable of the `design` for each point.
 
     An iterative solver is held to its own tolerance, or to the objective's where that is tighter.
@@ -69,79 +69,26 @@ class DesignProblem:
             self._check_passive()
 
     def _check_passive(self) -> None:
-        design, void = self.design, np.flatnonzero(self.space.void)
-        least = self._volume_weight @ self.filter(self.lower)
-        if least > 1 + 1e-12:  # its rounding
-            raise InvalidScene(
-                f"passive solid, with rho_min elsewhere, is {least * design.volume_fraction:.4f} of the volume and "
-                f"volume_fraction {design.volume_fraction}: raise it, or shrink passive_solid"
-            )
-        points = self.model.points
+        self.check_feasible()
+        void, points = np.flatnonzero(self.space.void), self.model.points
         for load in self.model.body.loads:
             if np.any(np.isin(load.act(points.x, points.volume, 1e-9 * min(self.model.grid.h)).points, void)):
                 raise LoadOutsideBody(f"passive void would carry a part of {load}: move it, or lower its `points`")
 
-    @cached_property
-    def _grid_points(self) -> MaterialPoints:
+    @property
+    def grid_points(self) -> MaterialPoints:
+        """The design grid, or the model's points."""
         return self.model.points if self.design_grid is None else self.design_grid
 
-    @cached_property
-    def space(self) -> DesignSpace:
-        """Which points are passive, and which are design variables."""
-        return design_space(self.design, self._grid_points)
-
-    @cached_property
-    def filter(self) -> DensityFilter:
-        """The density filter of the design's radius, from a variables to p densities."""
-        radius = self.design.filter_radius
-        if self.space.all_active:
-            return density_filter(self._grid_points, radius)
-        return passive_filter(self._grid_points, radius, self.space, over_passive=self.filter_passive)
-
     @property
-    def positions(self) -> Array:
-        """Places of the design variables on the design grid, (a, 2)."""
-        return self._grid_points.x[self.space.active]
-
-    @property
-    def filter_radius(self) -> float:
-        """Radius of the density filter [length]."""
-        return self.design.filter_radius
+    def point_volume(self) -> Array:
+        """Volumes (p,) of the model's points."""
+        return self.model.points.volume
 
     @cached_property
     def functional(self) -> Objective:
-        """Value and gradient of the objective."""
+        """Value and derivatives of the objective."""
         return objective(self.objective)
-
-    @cached_property
-    def x0(self) -> Array:
-        """The paper's start: the volume fraction everywhere, (a,). Beside passive points, what meets the constraint."""
-        a = len(self.space.active)
-        if self.space.all_active:
-            return np.full(a, self.design.volume_fraction)
-        passive, full = (self._volume_weight @ self.filter(x) for x in (np.zeros(a), np.ones(a)))
-        return np.full(a, np.clip((1 - passive) / (full - passive), self.design.rho_min, 1))
-
-    @cached_property
-    def lower(self) -> Array:
-        """rho_min everywhere, (a,)."""
-        return np.full(len(self.space.active), self.design.rho_min)
-
-    @cached_property
-    def upper(self) -> Array:
-        """One everywhere, (a,)."""
-        return np.ones_like(self.lower)
-
-    @cached_property
-    def _volume_weight(self) -> Array:
-        volume = self.model.points.volume
-        return volume / (self.design.volume_fraction * volume[~self.space.void].sum())
-
-    @cached_property
-    def _volume_gradient(self) -> Array:
-        gradient = self.filter.adjoint(self._volume_weight)[None]
-        gradient.flags.writeable = False  # the same for every design
-        return gradient
 
     @property
     def fingerprint(self) -> str:
@@ -150,7 +97,7 @@ class DesignProblem:
         They are taken before any BLAS or Fourier transform, and to 24 binary digits, see `_digits`: what depends on the
         processor is not among them.
         """
-        model, design, grid_points, space = self.model, self.design, self._grid_points, self.space
+        model, design, grid_points, space = self.model, self.design, self.grid_points, self.space
         law = (model.body.material.young, design.penal, design.contrast, design.volume_fraction, design.rho_min)
         sought = (word if isinstance(word, str) else float(word) for word in astuple(self.objective))
         said = (type(self.objective).__name__, *sought, *map(float, law), float(design.filter_radius))
@@ -178,7 +125,7 @@ class DesignProblem:
         rho = physical_densities(rho, len(self.model.points.volume), "point")
         moduli = self.model.body.material.young * simp(rho, self.design.penal, self.design.contrast)[0]
         state = equilibrium(self.model, moduli, tol=min(self.model.solver.tolerance, self.functional.tolerance))
-        constraints = np.array([self._volume_weight @ rho - 1])
+        constraints = np.array([self.volume_weight @ rho - 1])
         return Evaluation(self.functional.value(self.model, state, rho), constraints, rho, state)
 
     def evaluate(self, design: Array) -> Evaluation:
@@ -191,13 +138,16 @@ class DesignProblem:
         Raises InvalidScene where a p-norm of q p < 1 has none: a design of zeros over the reach of the filter.
         """
         d_rho = self.density_gradient(evaluation)
-        return finite_gradient(self.filter.adjoint(d_rho), self.objective), self._volume_gradient
+        return finite_gradient(self.filter.adjoint(d_rho), self.objective), self.volume_gradient
 
     def density_gradient(self, evaluation: Evaluation) -> Array:
         """dJ/drho (p,), by the physical densities; from above at zero, where a p-norm's may be infinite."""
-        by_rho, by_moduli = self.functional.gradient(self.model, evaluation.state, evaluation.rho)
-        slope = simp(evaluation.rho, self.design.penal, self.design.contrast)[1]
-        return by_rho + by_moduli * self.model.body.material.young * slope
+        model, state, rho = self.model, evaluation.state, evaluation.rho
+        by = self.functional.derivative(model, state, rho)
+        by_moduli = moduli_gradient(model, state, adjoint(model, state, by))
+        slope = simp(rho, self.design.penal, self.design.contrast)[1]
+        by_rho = by_moduli * model.body.material.young * slope
+        return by_rho if by.rho is None else by.rho + by_rho
 
 
 def _digits(numbers: Array) -> Array:
@@ -246,9 +196,9 @@ def plan(problem: DesignProblem) -> str:
         f"solver: {_solver_plan(model)}",
         "solves: one for a design, and one more for each step of iterative refinement where rounding calls for it",
         "adjoint solve: one, with the factorisation of the state"
-        if problem.functional.solves
+        if problem.functional.of_stress
         else "adjoint solve: skipped, compliance is self-adjoint",
-        "stresses: at every point" if problem.functional.solves else "stresses: skipped, the objective needs none",
+        "stresses: at every point" if problem.functional.of_stress else "stresses: skipped, the objective needs none",
         f"filter: {_filter_plan(problem)}",
         *(f"warning, {type(finding).__name__}: {finding}" for finding in model.findings),
     ]

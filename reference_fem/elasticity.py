@@ -6,6 +6,7 @@ checked by its residual. Stresses are ordered (xx, yy, xy, zz) on the last axis.
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
@@ -236,6 +237,25 @@ def inverse_stiffness(model: FemModel, young: Array) -> Solve:
         return u
 
     return inverse
+
+
+class Derivative(NamedTuple):
+    """dJ of J = work f . u + j(rho, u): dj/drho (e,) at fixed u and dj/du (N,). None stands for zero."""
+
+    rho: Array | None = None
+    u: Array | None = None
+    work: float = 0.0
+
+
+def adjoint(state: State, by: Derivative) -> Array:
+    """lambda (N,) with K lambda = dJ/du, of L = J + lambda . (f - K u); u itself for the work of the load, K u = f."""
+    own = by.work * state.u
+    return own if by.u is None else own + state.solve(by.u)
+
+
+def moduli_gradient(model: FemModel, state: State, adjoint: Array) -> Array:
+    """dJ/dE_e = -lambda_e . k_e u_e, (e,)."""
+    return -unit_work(model, adjoint, state.u)
 
 
 def unit_work(model: FemModel, v: Array, u: Array) -> Array:

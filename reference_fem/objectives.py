@@ -1,9 +1,6 @@
-"""Objectives on a finite element model: value, and the two parts of the gradient.
+"""Objectives on a finite element model: value, and the derivatives by densities and by displacements.
 
-The densities rho (e,) act directly and through the moduli E(rho) of K(E) u = f. From the Lagrangian
-L = J(rho, u) + lambda . (f - K u), dL/du = 0 gives K lambda = dJ/du and then
-
-    dJ/drho_e = (dJ/drho_e at fixed u) - dE/drho_e lambda_e . k_e u_e.
+What follows from these is the state's, see `adjoint` and `moduli_gradient` of `elasticity`.
 """
 
 from collections.abc import Callable
@@ -14,8 +11,7 @@ import scipy.sparse as sp
 
 from mpmtop.arrays import Array
 from mpmtop.scene import Compliance, PNormStress, StressMeasure
-from reference_fem.elasticity import FemModel, gauss_points, strain_operator, von_mises_factor
-from reference_fem.factorise import Solve
+from reference_fem.elasticity import Derivative, FemModel, gauss_points, strain_operator, von_mises_factor
 from reference_fem.mesh import ELEMENT_CENTRE
 
 StressPosition = Literal["centre", "gauss"]
@@ -26,14 +22,10 @@ STRESS_POSITIONS: dict[str, Callable[[FemModel], Array]] = {
 
 
 class Objective(NamedTuple):
-    """One objective on one model, as functions of densities rho (e,) and displacements u (N,).
-
-    value       (rho, u) -> J
-    gradient    (rho, u, K^-1) -> dJ/drho (e,) at fixed u and lambda (N,), by the factorisation that gave u
-    """
+    """One objective on one model, as functions of densities rho (e,) and displacements u (N,)."""
 
     value: Callable[[Array, Array], float]
-    gradient: Callable[[Array, Array, Solve], tuple[Array, Array]]
+    derivative: Callable[[Array, Array], Derivative]
 
 
 def objective(stated: Compliance | PNormStress, model: FemModel, stress_at: StressPosition) -> Objective:
@@ -46,11 +38,8 @@ def objective(stated: Compliance | PNormStress, model: FemModel, stress_at: Stre
 
 
 def compliance(model: FemModel) -> Objective:
-    """J = f . u, self-adjoint: dJ/du = f = K u, so lambda = u without a solve."""
-    return Objective(
-        value=lambda rho, u: float(model.f_ext @ u),
-        gradient=lambda rho, u, inverse: (np.zeros_like(rho), u),
-    )
+    """J = f . u, self-adjoint."""
+    return Objective(value=lambda rho, u: float(model.f_ext @ u), derivative=lambda rho, u: Derivative(work=1.0))
 
 
 def p_norm_stress(
@@ -63,7 +52,7 @@ def p_norm_stress(
 
     dJ/ds_eg = (s_eg / J)^(p-1) / g. At fixed u dJ/drho_e = sum_g dJ/ds q s / rho, from above at rho = 0, see
     `_at_zero`. With vm = |t|, t = T u, dJ/du = T^T (dJ/ds rho^q t / |t|); without stress vm has no derivative, and
-    zero, one of its subgradients, is taken. The adjoint is one solve.
+    zero, one of its subgradients, is taken.
     """
     positions = reference.shape[1]
     points = len(model.area) * positions
@@ -78,7 +67,7 @@ def p_norm_stress(
     def value(rho: Array, u: Array) -> float:
         return p_norm(rho[:, None] ** q * solid(u)[1], p, 1 / positions)
 
-    def gradient(rho: Array, u: Array, inverse: Solve) -> tuple[Array, Array]:
+    def derivative(rho: Array, u: Array) -> Derivative:
         t, vm = solid(u)
         relax = rho[:, None] ** q
         s = relax * vm
@@ -87,13 +76,13 @@ def p_norm_stress(
         by_rho = np.zeros_like(rho)
         by_rho[empty] = _at_zero(vm[empty], J, p, q)
         if J == 0:
-            return by_rho, np.zeros_like(u)
+            return Derivative(by_rho)
         by_s = (s / J) ** (p - 1) / positions
         by_rho[~empty] = q * np.sum(by_s * s, axis=1)[~empty] / rho[~empty]
         by_t = np.divide(by_s * relax, vm, out=np.zeros_like(vm), where=vm > 0)[..., None] * t
-        return by_rho, inverse(T.T @ by_t.ravel())
+        return Derivative(by_rho, T.T @ by_t.ravel())
 
-    return Objective(value, gradient)
+    return Objective(value, derivative)
 
 
 def _at_zero(vm: Array, J: float, p: float, q: float) -> Array:

@@ -16,7 +16,7 @@ from mpmtop.errors import InvalidScene, LoadOutsideBody
 from mpmtop.scene import Compliance, PNormStress, Scene, check_together, finite_gradient
 from reference_fem import at_elements as at_elements
 from reference_fem.design import DesignSpace, design_space
-from reference_fem.elasticity import FemModel, State, discretise, inverse_stiffness, unit_work
+from reference_fem.elasticity import FemModel, State, adjoint, discretise, inverse_stiffness, moduli_gradient
 from reference_fem.mesh import GEOMETRY_TOLERANCE, shortest_side
 from reference_fem.objectives import STRESS_POSITIONS, Objective, StressPosition, objective
 
@@ -102,7 +102,7 @@ class DesignProblem:
 
     @cached_property
     def functional(self) -> Objective:
-        """Value and gradient of the objective."""
+        """Value and derivatives of the objective."""
         return objective(self.objective, self.model, self.stress_at)
 
     @property
@@ -192,9 +192,11 @@ class DesignProblem:
 
         From above at a density of zero, where a p-norm's may be infinite.
         """
-        rho, u = evaluation.rho, evaluation.u
-        by_rho, adjoint = self.functional.gradient(rho, u, evaluation.state.solve)
-        return by_rho - simp(rho, self.model.body.material, self.design)[1] * unit_work(self.model, adjoint, u)
+        rho, state = evaluation.rho, evaluation.state
+        by = self.functional.derivative(rho, state.u)
+        by_moduli = moduli_gradient(self.model, state, adjoint(state, by))
+        by_rho = simp(rho, self.model.body.material, self.design)[1] * by_moduli
+        return by_rho if by.rho is None else by.rho + by_rho
 
 
 def _check_loads(model: FemModel, void: Mask) -> None:

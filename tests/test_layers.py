@@ -18,7 +18,7 @@ ORDER = [
     *("gaps", "diagnose"),
     *("stiffness", "solvers.pattern", "solvers.checked", "solvers.banded", "solvers.superlu", "solvers.dissection"),
     *("solvers.sparse_cholesky", "solvers.stencil", "solvers.multigrid", "solvers.multigrid_cg", "solvers"),
-    *("model", "mechanism", "equilibrium", "objectives", "filter", "problem"),
+    *("model", "mechanism", "equilibrium", "objectives", "filter", "variables", "problem"),
     *(f"optimizers.{name}" for name in ("protocols", "subproblem", "state", "mma", "gcmma", "optimality_criteria")),
     *(f"optimizers.{name}" for name in ("start", "stopping", "checkpoint", "loop")),
     *("optimizers", "fields", "at_points", "export", "plot"),

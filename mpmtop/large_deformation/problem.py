@@ -2,18 +2,18 @@
 
 import hashlib
 from dataclasses import dataclass, field
-from functools import cached_property
 
 import numpy as np
 
 from mpmtop.arrays import Array
 from mpmtop.design import Design, physical_densities
-from mpmtop.errors import InvalidScene, LoadOutsideBody
-from mpmtop.filter import DensityFilter, DesignSpace, density_filter, design_space, passive_filter
+from mpmtop.errors import LoadOutsideBody
 from mpmtop.large_deformation.model import Model
 from mpmtop.large_deformation.objectives import EndCompliance, PathObjective, gradient
 from mpmtop.large_deformation.steps import Trajectory, trajectory
 from mpmtop.material import simp
+from mpmtop.points import MaterialPoints
+from mpmtop.variables import DesignVariables
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,7 +27,7 @@ class Evaluation:
 
 
 @dataclass(frozen=True, eq=False)
-class LoadStepProblem:
+class LoadStepProblem(DesignVariables):
     """Minimise `objective` subject to sum V_p rho_p <= V* sum V_p over one variable of the `design` for each point.
 
     Filter and passive regions are those of the undeformed body; the filter passes over passive points as if they were
@@ -41,48 +41,19 @@ class LoadStepProblem:
     objective: PathObjective = field(default_factory=EndCompliance)
 
     def __post_init__(self) -> None:
-        least = self._volume_weight @ self.filter(self.lower)
-        if least > 1 + 1e-12:  # its rounding
-            raise InvalidScene(
-                f"passive solid, with rho_min elsewhere, is {least:.4f} of what volume_fraction "
-                f"{self.design.volume_fraction} allows: raise it, or shrink passive_solid"
-            )
+        self.check_feasible()
         if np.any(self.model.force[self.space.void]):
             raise LoadOutsideBody("passive void would carry a part of a load: move the load, or shrink passive_void")
 
-    @cached_property
-    def space(self) -> DesignSpace:
-        """Which points are passive, and which are design variables."""
-        return design_space(self.design, self.model.points)
+    @property
+    def grid_points(self) -> MaterialPoints:
+        """The model's points, where they start."""
+        return self.model.points
 
-    @cached_property
-    def filter(self) -> DensityFilter:
-        """The density filter of the design's radius, from a variables to p densities."""
-        if self.space.all_active:
-            return density_filter(self.model.points, self.design.filter_radius)
-        return passive_filter(self.model.points, self.design.filter_radius, self.space, over_passive=False)
-
-    @cached_property
-    def x0(self) -> Array:
-        """The volume fraction everywhere, (a,); beside passive points, what meets the constraint."""
-        a = len(self.space.active)
-        passive, full = (self._volume_weight @ self.filter(x) for x in (np.zeros(a), np.ones(a)))
-        return np.full(a, np.clip((1 - passive) / (full - passive), self.design.rho_min, 1))
-
-    @cached_property
-    def lower(self) -> Array:
-        """rho_min everywhere, (a,)."""
-        return np.full(len(self.space.active), self.design.rho_min)
-
-    @cached_property
-    def upper(self) -> Array:
-        """One everywhere, (a,)."""
-        return np.ones_like(self.lower)
-
-    @cached_property
-    def _volume_weight(self) -> Array:
-        volume = self.model.points.volume
-        return volume / (self.design.volume_fraction * volume[~self.space.void].sum())
+    @property
+    def point_volume(self) -> Array:
+        """Volumes (p,) of the points, where they start."""
+        return self.model.points.volume
 
     @property
     def fingerprint(self) -> str:
@@ -103,7 +74,7 @@ class LoadStepProblem:
         """Evaluate physical densities rho (p,) in [0, 1], of whatever origin: one trajectory."""
         rho = physical_densities(rho, len(self.model.points.volume), "point")
         path = trajectory(self.model, self.model.young * simp(rho, self.design.penal, self.design.contrast)[0])
-        constraints = np.array([self._volume_weight @ rho - 1])
+        constraints = np.array([self.volume_weight @ rho - 1])
         return Evaluation(self.objective.value(self.model, path, rho), constraints, rho, path)
 
     def evaluate(self, design: Array) -> Evaluation:
@@ -114,4 +85,4 @@ class LoadStepProblem:
         """dJ/ddesign (a,) and dg/ddesign (1, a) of an evaluation: one sweep back through its steps."""
         by_rho, by_moduli = gradient(self.objective, self.model, evaluation.path, evaluation.rho)
         d_simp = self.model.young * simp(evaluation.rho, self.design.penal, self.design.contrast)[1]
-        return self.filter.adjoint(by_rho + by_moduli * d_simp), self.filter.adjoint(self._volume_weight)[None]
+        return self.filter.adjoint(by_rho + by_moduli * d_simp), self.volume_gradient

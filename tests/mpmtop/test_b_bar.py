@@ -11,8 +11,9 @@ from skfem.helpers import ddot, div, sym_grad
 
 from mpmtop.arrays import Array
 from mpmtop.body import Material
-from mpmtop.equilibrium import equilibrium
+from mpmtop.equilibrium import adjoint, equilibrium, moduli_gradient
 from mpmtop.model import Model, discretise
+from mpmtop.objectives import COMPLIANCE
 from mpmtop.points import MaterialPoints, seed, to_gauss_points
 from mpmtop.problem import DesignProblem
 from mpmtop.scene import Compliance, PNormStress
@@ -175,7 +176,7 @@ def test_with_a_ghost_penalty(shape_function: ShapeFunction) -> None:
     problem = DesignProblem(model, cantilever().design)
     at = problem.analyse(np.full(len(points.x), 0.7))
     assert model.ghost.modulus.shape[0] > 0
-    by_moduli = problem.functional.gradient(model, at.state, at.rho)[1]
+    by_moduli = moduli_gradient(model, at.state, adjoint(model, at.state, COMPLIANCE))
     assert at.state.moduli @ by_moduli == pytest.approx(-at.objective, rel=1e-9)  # the solver's tolerance
     with pytest.raises(ValueError, match="B-splines"):
         model_of(bspline2, points, ghost=0.01)

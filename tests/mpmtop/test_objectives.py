@@ -10,12 +10,12 @@ from mpmtop import fields
 from mpmtop.arrays import Array
 from mpmtop.body import Body, Material, Support
 from mpmtop.design import Design
-from mpmtop.equilibrium import equilibrium
+from mpmtop.equilibrium import adjoint, equilibrium, moduli_gradient
 from mpmtop.errors import InvalidScene
 from mpmtop.loads import PointLoad, PositionLoad
 from mpmtop.material import von_mises, von_mises_form
 from mpmtop.model import discretise
-from mpmtop.objectives import p_norm_stress, p_norm_stress_gradient
+from mpmtop.objectives import p_norm_stress, p_norm_stress_derivative
 from mpmtop.problem import DesignProblem, design_problem
 from mpmtop.region import Difference, Rectangle
 from mpmtop.scene import Compliance, PNormStress, Scene, StressMeasure
@@ -167,6 +167,7 @@ def test_gradient_where_void_carries_the_load(contrast: float, solver: Any) -> N
     moduli = contrast + rho * (1 - contrast)
     state = equilibrium(model, moduli)
     value = p_norm_stress(model, state, rho, p=12, q=0.5)
-    _, by_moduli = p_norm_stress_gradient(model, state, rho, p=12, q=0.5)
+    by = p_norm_stress_derivative(model, state, rho, p=12, q=0.5)
+    by_moduli = moduli_gradient(model, state, adjoint(model, state, by))
     # the tolerance of multigrid, or rounding: 1e-16 over the contrast
     assert moduli @ by_moduli == pytest.approx(-value, rel=1e-5)

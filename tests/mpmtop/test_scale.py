@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 
+from mpmtop.equilibrium import adjoint, moduli_gradient
 from mpmtop.filter import DesignSpace, density_filter, passive_filter
 from mpmtop.model import Model, discretise
+from mpmtop.objectives import COMPLIANCE
 from mpmtop.points import MaterialPoints, seed
 from mpmtop.problem import design_problem, plan
 from mpmtop.region import Circle, Difference, Rectangle
@@ -146,5 +148,5 @@ def test_a_large_body() -> None:
     at = problem.evaluate(problem.x0)
     assert at.state.solves == 1
     assert at.rho == pytest.approx(0.4, rel=1e-13)
-    by_moduli = problem.functional.gradient(model, at.state, at.rho)[1]
+    by_moduli = moduli_gradient(model, at.state, adjoint(model, at.state, COMPLIANCE))
     assert at.state.moduli @ by_moduli == pytest.approx(-at.objective, rel=1e-6)  # the solver's tolerance

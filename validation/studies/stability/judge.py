@@ -25,10 +25,10 @@ import pandas as pd
 import mpmtop
 from mpmtop.arrays import Array
 from mpmtop.diagnose import ModelWarning
-from mpmtop.equilibrium import Equilibrium, equilibrium
+from mpmtop.equilibrium import Equilibrium, adjoint, equilibrium, moduli_gradient
 from mpmtop.errors import NotConverged, UnsupportedBody
 from mpmtop.model import Model
-from mpmtop.objectives import compliance, compliance_gradient, p_norm_stress, p_norm_stress_gradient
+from mpmtop.objectives import COMPLIANCE, compliance, p_norm_stress, p_norm_stress_derivative
 from mpmtop.scene import PNormStress
 from mpmtop.solvers import BandedCholesky, MultigridCG
 from validation.oracles.dense import Quantities, objectives
@@ -271,11 +271,15 @@ def refused(make: Callable[[], object]) -> Finding:
 def quantities(model: Model, state: Equilibrium, rho: Array) -> Quantities:
     """All that is judged, by mpmtop."""
     p, q = NORM.p, NORM.q
+    by_compliance, by_p_norm = (
+        moduli_gradient(model, state, adjoint(model, state, by)) * state.moduli
+        for by in (COMPLIANCE, p_norm_stress_derivative(model, state, rho, p=p, q=q))
+    )
     return Quantities(
         np.array([compliance(model, state)]),
         np.array([p_norm_stress(model, state, rho, p=p, q=q)]),
-        compliance_gradient(model, state) * state.moduli,
-        p_norm_stress_gradient(model, state, rho, p=p, q=q)[1] * state.moduli,
+        by_compliance,
+        by_p_norm,
         model.transfer.interpolate(state.u),
     )
 

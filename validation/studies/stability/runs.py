@@ -16,6 +16,7 @@ import numpy as np
 
 from mpmtop import export
 from mpmtop.arrays import Array
+from mpmtop.equilibrium import Derivative
 from mpmtop.errors import NotConverged
 from mpmtop.optimizers import (
     GCMMA,
@@ -131,12 +132,12 @@ def injected(function: str, rule: UpdateRule, bad: float, *, in_gradient: bool) 
     problem = DesignProblem(direct(model_of(function, (0.1, 0.05))), beam().design)
     whole = problem.functional
 
-    def gradient(*arguments: Any) -> tuple[Array, Array]:
-        by_rho, by_moduli = whole.gradient(*arguments)
-        by_moduli[3] = bad
-        return by_rho, by_moduli
+    def derivative(*arguments: Any) -> Derivative:
+        by_rho = np.zeros_like(problem.model.points.volume)
+        by_rho[3] = bad
+        return whole.derivative(*arguments)._replace(rho=by_rho)
 
-    spoilt = whole._replace(gradient=gradient) if in_gradient else whole._replace(value=lambda *arguments: bad)
+    spoilt = whole._replace(derivative=derivative) if in_gradient else whole._replace(value=lambda *arguments: bad)
     vars(problem)["functional"] = spoilt  # a cached property
     return list(optimize(problem, rule, max_iterations=3))
 
