@@ -1,4 +1,4 @@
-"""Committed files of the report are the same on every processor: short studies, run with the kernels of two."""
+"""Committed files of the report are the same on every processor: short studies, started with the kernels of two."""
 
 import os
 import subprocess
@@ -9,7 +9,7 @@ import pytest
 
 from tests.harness.test_report import ROOT, committed
 
-STUDIES = ("removal", "errata", "verification")
+STUDIES = ("removal", "errata", "locking")
 KERNELS = ("Haswell", "Nehalem")
 """Processors whose kernels OpenBLAS sums with: with fused multiply and add in vectors of four, and without in two."""
 
