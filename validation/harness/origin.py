@@ -34,7 +34,8 @@ def provenance_of(config: pytest.Config, directory: Path, seconds: float) -> dic
         "python": platform.python_version(),
         "packages": ", ".join(packages),
         "machine": f"{platform.system()} {platform.machine()}, {_processor()}, {os.cpu_count()} logical cores, "
-        f"BLAS threads: {os.environ['OPENBLAS_NUM_THREADS']}, kernels: {os.environ.get('OPENBLAS_CORETYPE', 'its own')}",
+        f"BLAS threads: {os.environ['OPENBLAS_NUM_THREADS']}, "
+        f"kernels: {os.environ.get('OPENBLAS_CORETYPE', 'the processor')}",
     }
 
 
