@@ -18,6 +18,7 @@ KERNELS = ("Haswell", "Nehalem")
 def test_another_processor_writes_the_same_files(tmp_path: Path) -> None:
     for kernel in KERNELS:
         environment = os.environ | {"OPENBLAS_CORETYPE": kernel, "OPENBLAS_NUM_THREADS": "1"}
+        environment.pop("PYTEST_XDIST_WORKER", None)  # a run of its own, also beside other tests
         studies = [f"validation/studies/{study}" for study in STUDIES]
         options = ["-q", "-n", "0", "-p", "no:cacheprovider", "--reports", str(tmp_path / kernel)]
         command = [sys.executable, "-m", "pytest", *studies, *options]
