@@ -5,7 +5,8 @@ What is stated, of either solver:
     loads           PointLoad, RegionLoad, PositionLoad
     body            Body(domain, supports, loads, material), Support, Material
     design          Design(volume_fraction, filter_radius, penal, contrast, rho_min, passive_solid, passive_void)
-    scene           Scene(name, body, design, objective), Compliance, PNormStress
+    criteria        Compliance, PNormStress
+    scene           Scene(name, body, design, objective)
     errors          InvalidScene and the others: what cannot be answered, and what to change
 
 How a body is discretised:
@@ -41,6 +42,8 @@ if TYPE_CHECKING:
     from mpmtop.body import Body as Body
     from mpmtop.body import Material as Material
     from mpmtop.body import Support as Support
+    from mpmtop.criteria import Compliance as Compliance
+    from mpmtop.criteria import PNormStress as PNormStress
     from mpmtop.design import Design as Design
     from mpmtop.loads import PointLoad as PointLoad
     from mpmtop.loads import PositionLoad as PositionLoad
@@ -64,8 +67,6 @@ if TYPE_CHECKING:
     from mpmtop.region import Polygon as Polygon
     from mpmtop.region import Rectangle as Rectangle
     from mpmtop.region import Union as Union
-    from mpmtop.scene import Compliance as Compliance
-    from mpmtop.scene import PNormStress as PNormStress
     from mpmtop.scene import Scene as Scene
     from mpmtop.shape_functions import bspline2 as bspline2
     from mpmtop.shape_functions import bspline3 as bspline3
@@ -86,7 +87,8 @@ _FROM = {
         *("Circle", "Difference", "HalfPlane", "Intersection"),
         *("LevelSet", "Polygon", "Rectangle", "Union"),
     ),
-    "scene": ("Compliance", "PNormStress", "Scene"),
+    "criteria": ("Compliance", "PNormStress"),
+    "scene": ("Scene",),
     "shape_functions": ("bspline2", "bspline3", "gimp", "tent"),
 }
 _HOME = {name: module for module, names in _FROM.items() for name in names}

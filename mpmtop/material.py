@@ -4,7 +4,7 @@ import numpy as np
 
 from mpmtop.arrays import Array
 from mpmtop.body import Material
-from mpmtop.scene import StressMeasure
+from mpmtop.criteria import StressMeasure
 
 
 def tangent(material: Material) -> Array:

@@ -10,10 +10,10 @@ from typing import NamedTuple
 import numpy as np
 
 from mpmtop.arrays import Array
+from mpmtop.criteria import Compliance, PNormStress, StressMeasure
 from mpmtop.equilibrium import Derivative, Equilibrium
 from mpmtop.material import von_mises, von_mises_form
 from mpmtop.model import Model
-from mpmtop.scene import Compliance, PNormStress, StressMeasure
 
 STRESS_TOLERANCE = 1e-8
 """Of an iterative solver, for objectives of stress: keeps them to 1e-6 over ten iterations (20,000 points, p = 12)."""

@@ -9,6 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from mpmtop.arrays import Array
+from mpmtop.criteria import Compliance, PNormStress, finite_gradient
 from mpmtop.design import Design, physical_densities
 from mpmtop.equilibrium import Equilibrium, adjoint, equilibrium, moduli_gradient
 from mpmtop.errors import LoadOutsideBody
@@ -16,7 +17,7 @@ from mpmtop.material import simp
 from mpmtop.model import Model, discretise
 from mpmtop.objectives import Objective, objective
 from mpmtop.points import MaterialPoints
-from mpmtop.scene import Compliance, PNormStress, Scene, check_together, finite_gradient
+from mpmtop.scene import Scene, check_together
 from mpmtop.shape_functions import ShapeFunction, tent
 from mpmtop.solvers import MAX_ITERATIONS, MultigridCG
 from mpmtop.stiffness import CellMap

@@ -17,9 +17,9 @@ from skfem.quadrature import get_quadrature
 
 from mpmtop.arrays import Array, Index
 from mpmtop.body import Body, Material
+from mpmtop.criteria import StressMeasure
 from mpmtop.errors import InvalidScene, NotConverged
 from mpmtop.loads import action, check_work
-from mpmtop.scene import StressMeasure
 from reference_fem.boundary import held_dofs, locate_in_lattice, locate_in_mesh, nodal_forces
 from reference_fem.factorise import Factorise, Solve, choose_elimination, minimum_degree_superlu
 from reference_fem.mesh import (

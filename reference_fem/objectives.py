@@ -10,7 +10,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from mpmtop.arrays import Array
-from mpmtop.scene import Compliance, PNormStress, StressMeasure
+from mpmtop.criteria import Compliance, PNormStress, StressMeasure
 from reference_fem.elasticity import Derivative, FemModel, gauss_points, strain_operator, von_mises_factor
 from reference_fem.mesh import ELEMENT_CENTRE
 

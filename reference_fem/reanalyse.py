@@ -11,10 +11,11 @@ from scipy.spatial import cKDTree
 from skfem import CellBasis
 
 from mpmtop.arrays import Array, Index
+from mpmtop.criteria import Compliance, PNormStress
 from mpmtop.design import Design, physical_densities
 from mpmtop.errors import EmptyDomain, InvalidScene, LoadOutsideBody
 from mpmtop.loads import Load, action
-from mpmtop.scene import Compliance, PNormStress, Scene
+from mpmtop.scene import Scene
 from reference_fem.boundary import nodal_forces
 from reference_fem.elasticity import FemModel, fem_model, solve, stress, von_mises
 from reference_fem.mesh import GEOMETRY_TOLERANCE, element_centres, element_sides, lattice, vector_basis

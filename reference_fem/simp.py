@@ -11,9 +11,10 @@ from skfem import MeshQuad
 
 from mpmtop.arrays import Array, Mask
 from mpmtop.body import Material
+from mpmtop.criteria import Compliance, PNormStress, finite_gradient
 from mpmtop.design import Design, physical_densities
 from mpmtop.errors import InvalidScene, LoadOutsideBody
-from mpmtop.scene import Compliance, PNormStress, Scene, check_together, finite_gradient
+from mpmtop.scene import Scene, check_together
 from reference_fem import at_elements as at_elements
 from reference_fem.design import DesignSpace, design_space
 from reference_fem.elasticity import FemModel, State, adjoint, discretise, inverse_stiffness, moduli_gradient

@@ -13,7 +13,7 @@ import mpmtop
 
 ROOT = Path(__file__).parent.parent
 ORDER = [
-    *("arrays", "errors", "region", "loads", "body", "design", "scene"),
+    *("arrays", "errors", "region", "loads", "body", "design", "criteria", "scene"),
     *("grid", "points", "quadtree", "shape_functions", "voigt", "transfer", "b_bar", "ghost", "material"),
     *("gaps", "diagnose"),
     *("stiffness", "solvers.pattern", "solvers.checked", "solvers.banded", "solvers.superlu", "solvers.dissection"),
@@ -30,7 +30,9 @@ ORDER = [
     "large_deformation",
 ]
 LIBRARIES = {"mpmtop": {"numpy", "scipy"}, "reference_fem": {"numpy", "scipy", "skfem", "mpmtop"}}
-STATEMENT = {f"mpmtop.{name}" for name in ("arrays", "errors", "region", "loads", "body", "design", "scene")}
+STATEMENT = {
+    f"mpmtop.{name}" for name in ("arrays", "errors", "region", "loads", "body", "design", "criteria", "scene")
+}
 UNTOLD = {"__init__", "arrays"}
 """Modules that the contents do not name: the package itself, and types."""
 STANDARD = sys.stdlib_module_names

@@ -11,6 +11,7 @@ from skfem import MeshQuad, MeshQuad2, MeshTri
 
 from mpmtop.arrays import Array, Mask
 from mpmtop.body import Material
+from mpmtop.criteria import PNormStress
 from mpmtop.errors import InvalidScene, LoadOutsideBody
 from mpmtop.loads import PointLoad, PositionLoad
 from mpmtop.model import discretise
@@ -18,7 +19,7 @@ from mpmtop.optimizers import GCMMA, optimize
 from mpmtop.points import seed
 from mpmtop.problem import design_problem as points_problem
 from mpmtop.region import Circle, Difference, LevelSet, Rectangle, Region
-from mpmtop.scene import PNormStress, Scene
+from mpmtop.scene import Scene
 from reference_fem.mesh import lattice
 from reference_fem.reanalyse import build_judge, judge_stress
 from reference_fem.simp import design_problem

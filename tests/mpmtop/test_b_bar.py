@@ -11,12 +11,12 @@ from skfem.helpers import ddot, div, sym_grad
 
 from mpmtop.arrays import Array
 from mpmtop.body import Material
+from mpmtop.criteria import Compliance, PNormStress
 from mpmtop.equilibrium import adjoint, equilibrium, moduli_gradient
 from mpmtop.model import Model, discretise
 from mpmtop.objectives import COMPLIANCE
 from mpmtop.points import MaterialPoints, seed, to_gauss_points
 from mpmtop.problem import DesignProblem
-from mpmtop.scene import Compliance, PNormStress
 from mpmtop.shape_functions import ShapeFunction, bspline2, gimp, tent
 from mpmtop.solvers import MultigridCG
 from mpmtop.stiffness import CellMap

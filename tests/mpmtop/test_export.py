@@ -10,6 +10,7 @@ import pytest
 
 from mpmtop import export
 from mpmtop.body import Body, Material, Support
+from mpmtop.criteria import PNormStress
 from mpmtop.design import Design
 from mpmtop.fields import fields
 from mpmtop.loads import PointLoad
@@ -17,7 +18,7 @@ from mpmtop.optimizers import GCMMA, optimize
 from mpmtop.problem import DesignProblem
 from mpmtop.problem import design_problem as points_problem
 from mpmtop.region import Circle, Difference, Rectangle
-from mpmtop.scene import PNormStress, Scene
+from mpmtop.scene import Scene
 from mpmtop.shape_functions import bspline2, bspline3, gimp, tent
 from reference_fem.simp import DesignProblem as ElementProblem
 from reference_fem.simp import design_problem

@@ -5,6 +5,7 @@ import pytest
 
 from mpmtop.arrays import Array
 from mpmtop.body import Support
+from mpmtop.criteria import Compliance, PNormStress
 from mpmtop.equilibrium import adjoint, equilibrium, moduli_gradient
 from mpmtop.errors import UnsupportedBody
 from mpmtop.ghost import cell_volumes
@@ -14,7 +15,6 @@ from mpmtop.model import Model, discretise
 from mpmtop.objectives import COMPLIANCE, compliance
 from mpmtop.problem import DesignProblem, design_problem, plan
 from mpmtop.region import Circle, Difference, Rectangle
-from mpmtop.scene import Compliance, PNormStress
 from mpmtop.shape_functions import ShapeFunction, bspline2, bspline3, gimp, tent
 from mpmtop.transfer import body_ends, transfer
 from tests.scenes import LEFT_CLAMP, cantilever

@@ -9,6 +9,7 @@ import pytest
 from mpmtop import fields
 from mpmtop.arrays import Array
 from mpmtop.body import Body, Material, Support
+from mpmtop.criteria import Compliance, PNormStress, StressMeasure
 from mpmtop.design import Design
 from mpmtop.equilibrium import adjoint, equilibrium, moduli_gradient
 from mpmtop.errors import InvalidScene
@@ -18,7 +19,7 @@ from mpmtop.model import discretise
 from mpmtop.objectives import p_norm_stress, p_norm_stress_derivative
 from mpmtop.problem import DesignProblem, design_problem
 from mpmtop.region import Difference, Rectangle
-from mpmtop.scene import Compliance, PNormStress, Scene, StressMeasure
+from mpmtop.scene import Scene
 from mpmtop.shape_functions import ShapeFunction, tent
 from mpmtop.solvers import BandedCholesky, MultigridCG
 from tests.scenes import LEFT_CLAMP, SHAPE_FUNCTIONS, cantilever

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from mpmtop.arrays import Array
+from mpmtop.criteria import Compliance, PNormStress
 from mpmtop.errors import EmptyDomain, InvalidScene, LoadOutsideBody
 from mpmtop.filter import density_filter
 from mpmtop.loads import PointLoad, PositionLoad, RegionLoad
@@ -12,7 +13,7 @@ from mpmtop.optimizers import GCMMA, MMA, OptimalityCriteria, UpdateRule, optimi
 from mpmtop.problem import DesignProblem, design_problem, plan
 from mpmtop.quadtree import quadtree
 from mpmtop.region import Circle, Difference, Rectangle, Region
-from mpmtop.scene import Compliance, PNormStress, Scene
+from mpmtop.scene import Scene
 from mpmtop.shape_functions import gimp
 from tests.scenes import cantilever
 from validation.oracles.woodbury import State, exact_derivatives, material_points

@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from mpmtop.criteria import PNormStress
 from mpmtop.filter import density_filter
 from mpmtop.loads import PointLoad
 from mpmtop.material import simp
 from mpmtop.model import discretise
 from mpmtop.points import MaterialPoints
 from mpmtop.problem import DesignProblem, design_problem, plan
-from mpmtop.scene import PNormStress
 from mpmtop.shape_functions import ShapeFunction, bspline3, gimp, tent
 from tests.scenes import SHAPE_FUNCTIONS, cantilever
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from mpmtop.arrays import Array
 from mpmtop.body import Body, Material, Support
+from mpmtop.criteria import Compliance, PNormStress
 from mpmtop.design import Design
 from mpmtop.diagnose import ModelWarning
 from mpmtop.errors import EmptyDomain, InvalidScene, LoadOutsideBody, NotConverged, UnsupportedBody
@@ -21,7 +22,6 @@ from mpmtop.model import discretise
 from mpmtop.points import seed
 from mpmtop.problem import DesignProblem
 from mpmtop.region import Circle, Difference, HalfPlane, Intersection, Polygon, Rectangle, Region, Union
-from mpmtop.scene import Compliance, PNormStress
 from mpmtop.shape_functions import gimp, tent
 from tests.scenes import SHAPE_FUNCTIONS
 from validation.oracles.complex_step import stepped_problem

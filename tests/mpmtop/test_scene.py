@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from mpmtop.body import Material, Support
+from mpmtop.criteria import PNormStress
 from mpmtop.errors import EmptyDomain, InvalidScene, LoadOutsideBody, UnsupportedBody
 from mpmtop.grid import Grid
 from mpmtop.loads import PointLoad, RegionLoad
 from mpmtop.model import discretise
 from mpmtop.points import MaterialPoints, seed
 from mpmtop.region import Rectangle
-from mpmtop.scene import PNormStress
 from tests.scenes import LEFT_CLAMP, cantilever
 
 NAN = float("nan")

@@ -7,9 +7,9 @@ import pytest
 import scipy.sparse as sp
 
 from mpmtop.arrays import Array
+from mpmtop.criteria import Compliance, PNormStress
 from mpmtop.model import discretise
 from mpmtop.problem import DesignProblem
-from mpmtop.scene import Compliance, PNormStress
 from mpmtop.shape_functions import ShapeFunction, gimp, tent
 from reference_fem.simp import design_problem
 from tests.scenes import SHAPE_FUNCTIONS, cantilever

@@ -24,12 +24,13 @@ from skfem.helpers import ddot, dot, eye, sym_grad, trace
 
 from mpmtop.arrays import Array
 from mpmtop.body import Body, Material, Support
+from mpmtop.criteria import Compliance, PNormStress
 from mpmtop.design import Design
 from mpmtop.errors import InvalidScene, LoadOutsideBody, UnsupportedBody
 from mpmtop.loads import PointLoad, PositionLoad, RegionLoad
 from mpmtop.optimizers import GCMMA, optimize
 from mpmtop.region import Circle, Difference, Rectangle
-from mpmtop.scene import Compliance, PNormStress, Scene
+from mpmtop.scene import Scene
 from reference_fem.boundary import locate_in_mesh, nodal_forces
 from reference_fem.elasticity import ELEMENT_CENTRE, FemModel, discretise, gauss_points, solve, stress
 from reference_fem.factorise import minimum_degree_superlu

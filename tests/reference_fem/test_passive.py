@@ -4,13 +4,14 @@ import numpy as np
 import pytest
 
 from mpmtop.arrays import Array
+from mpmtop.criteria import Compliance, PNormStress
 from mpmtop.errors import EmptyDomain, InvalidScene, LoadOutsideBody
 from mpmtop.filter import DesignSpace, passive_filter
 from mpmtop.loads import PointLoad, PositionLoad, RegionLoad
 from mpmtop.optimizers import GCMMA, optimize
 from mpmtop.points import MaterialPoints
 from mpmtop.region import Circle, Difference, Rectangle, Region
-from mpmtop.scene import Compliance, PNormStress, Scene
+from mpmtop.scene import Scene
 from reference_fem.hole import around_hole
 from reference_fem.simp import DesignProblem, design_problem
 from tests.scenes import cantilever

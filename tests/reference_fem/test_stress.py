@@ -9,11 +9,12 @@ import scipy.sparse as sp
 
 from mpmtop.arrays import Array
 from mpmtop.body import Body, Material, Support
+from mpmtop.criteria import Compliance, PNormStress, StressMeasure
 from mpmtop.design import Design
 from mpmtop.errors import InvalidScene
 from mpmtop.loads import PointLoad, PositionLoad
 from mpmtop.region import Difference, Rectangle
-from mpmtop.scene import Compliance, PNormStress, Scene, StressMeasure
+from mpmtop.scene import Scene
 from reference_fem import elasticity
 from reference_fem.elasticity import adjoint, gauss_points, strain_operator, von_mises
 from reference_fem.factorise import Factorise, Solve

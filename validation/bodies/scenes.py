@@ -11,10 +11,11 @@ from typing import Any, Literal
 import numpy as np
 
 from mpmtop.body import Body, Material, Support
+from mpmtop.criteria import PNormStress
 from mpmtop.design import Design
 from mpmtop.loads import PointLoad, PositionLoad, RegionLoad
 from mpmtop.region import Circle, Difference, Rectangle, Region
-from mpmtop.scene import PNormStress, Scene
+from mpmtop.scene import Scene
 
 H = 1.0
 """Background cell size h."""

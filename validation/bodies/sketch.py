@@ -9,8 +9,9 @@ import pandas as pd
 from matplotlib.collections import LineCollection
 from scipy.spatial import KDTree
 
+from mpmtop.criteria import PNormStress
 from mpmtop.points import MaterialPoints, seed
-from mpmtop.scene import PNormStress, Scene
+from mpmtop.scene import Scene
 from validation.bodies.scenes import SPACING, H
 from validation.harness.report import Report
 from validation.measures.drawing import draw_points

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from mpmtop.arrays import Array, Index
+from mpmtop.criteria import PNormStress
 from mpmtop.problem import DesignProblem
-from mpmtop.scene import PNormStress
 from validation.oracles.dense import Equations, equations_of
 from validation.oracles.extended import assembled
 

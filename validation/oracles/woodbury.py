@@ -29,10 +29,10 @@ from scipy.linalg import solve_triangular
 
 from mpmtop.arrays import Array, Index
 from mpmtop.body import Material
+from mpmtop.criteria import Compliance, PNormStress
 from mpmtop.design import Design
 from mpmtop.material import simp, tangent, von_mises
 from mpmtop.problem import DesignProblem
-from mpmtop.scene import Compliance, PNormStress
 from mpmtop.voigt import local_B
 from reference_fem.elasticity import strain_operator
 from reference_fem.simp import DesignProblem as FemProblem

@@ -8,6 +8,7 @@ import pytest
 
 from mpmtop.arrays import Array
 from mpmtop.body import Material
+from mpmtop.criteria import PNormStress
 from mpmtop.equilibrium import Equilibrium, adjoint, equilibrium, moduli_gradient
 from mpmtop.material import simp
 from mpmtop.model import Model, discretise
@@ -15,7 +16,6 @@ from mpmtop.objectives import COMPLIANCE, compliance
 from mpmtop.optimizers import MMA, optimize
 from mpmtop.problem import DesignProblem, design_problem, plan
 from mpmtop.region import Circle, Difference, Rectangle
-from mpmtop.scene import PNormStress
 from mpmtop.shape_functions import bspline2, bspline3, gimp
 from mpmtop.solvers import MAX_ITERATIONS, BandedCholesky, Lattice, MultigridCG, SparseCholesky, multigrid
 from mpmtop.solvers.multigrid import coarsening, coarsest_of, v_cycle

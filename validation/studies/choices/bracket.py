@@ -5,8 +5,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from joblib import Parallel, delayed
 
+from mpmtop.criteria import PNormStress, StressMeasure
 from mpmtop.optimizers import GCMMA, SingleStepGCMMA, UpdateRule
-from mpmtop.scene import PNormStress, StressMeasure
 from validation.bodies.crossing import Crossing, Periodic
 from validation.bodies.scenes import CORNER, SPACING, l_bracket
 from validation.methods.analyser import (

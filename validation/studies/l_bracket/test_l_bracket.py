@@ -22,9 +22,9 @@ import pytest
 from joblib import Parallel, delayed
 
 from mpmtop.arrays import Array
+from mpmtop.criteria import Compliance
 from mpmtop.errors import NotConverged
 from mpmtop.optimizers import GCMMA, MMA, SingleStepGCMMA, UpdateRule, optimize
-from mpmtop.scene import Compliance
 from reference_fem.reanalyse import Judge, build_judge, judge_stress
 from validation import paper
 from validation.bodies.scenes import CORNER, SPACING, l_bracket

@@ -14,10 +14,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mpmtop.arrays import Array
+from mpmtop.criteria import Compliance, PNormStress
 from mpmtop.filter import DensityFilter
 from mpmtop.optimizers import GCMMA, initial_state
 from mpmtop.problem import DesignProblem, Evaluation, design_problem
-from mpmtop.scene import Compliance, PNormStress
 from mpmtop.solvers import MultigridCG, Pattern, Solve, Solver, SparseCholesky, choose_solver
 from mpmtop.solvers.multigrid_cg import IteratedSolve
 from validation.bodies.scenes import SPACING, H, cantilever

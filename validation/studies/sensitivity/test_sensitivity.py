@@ -27,9 +27,10 @@ from matplotlib.axes import Axes
 from scipy.sparse.linalg import splu
 
 from mpmtop.arrays import Array, Index
+from mpmtop.criteria import Compliance, PNormStress
 from mpmtop.model import Model, discretise
 from mpmtop.problem import DesignProblem
-from mpmtop.scene import Compliance, PNormStress, Scene
+from mpmtop.scene import Scene
 from mpmtop.shape_functions import gimp, tent
 from reference_fem.simp import design_problem
 from validation import paper

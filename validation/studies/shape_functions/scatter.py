@@ -5,10 +5,10 @@ from typing import NamedTuple
 import numpy as np
 
 from mpmtop.arrays import Array
+from mpmtop.criteria import Compliance, PNormStress
 from mpmtop.model import discretise
 from mpmtop.points import MaterialPoints, seed
 from mpmtop.problem import DesignProblem
-from mpmtop.scene import Compliance, PNormStress
 from reference_fem import simp
 from validation.bodies.crossing import Crossing
 from validation.bodies.scenes import SPACING, H, cantilever

@@ -24,12 +24,12 @@ import pandas as pd
 
 import mpmtop
 from mpmtop.arrays import Array
+from mpmtop.criteria import PNormStress
 from mpmtop.diagnose import ModelWarning
 from mpmtop.equilibrium import Equilibrium, adjoint, equilibrium, moduli_gradient
 from mpmtop.errors import NotConverged, UnsupportedBody
 from mpmtop.model import Model
 from mpmtop.objectives import COMPLIANCE, compliance, p_norm_stress, p_norm_stress_derivative
-from mpmtop.scene import PNormStress
 from mpmtop.solvers import BandedCholesky, MultigridCG
 from validation.oracles.dense import Quantities, objectives
 from validation.oracles.extended import Undetermined, condition, extended, pseudo_compliance

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mpmtop.body import Material, Support
+from mpmtop.criteria import Compliance, PNormStress
 from mpmtop.errors import EmptyDomain, InvalidScene, LoadOutsideBody, PointOutsideGrid, UnsupportedBody
 from mpmtop.grid import Grid
 from mpmtop.loads import PointLoad, PositionLoad
@@ -17,7 +18,7 @@ from mpmtop.optimizers import GCMMA, MMA, OptimalityCriteria, SingleStepGCMMA, o
 from mpmtop.points import MaterialPoints
 from mpmtop.problem import DesignProblem
 from mpmtop.region import Circle, Rectangle
-from mpmtop.scene import Compliance, PNormStress, Scene
+from mpmtop.scene import Scene
 from validation.studies.stability.cases import FUNCTIONS, beam, lattice, model_of
 from validation.studies.stability.judge import Case, Finding, direct, refused, worst
 from validation.studies.stability.runs import FEASIBLE

@@ -9,6 +9,7 @@ import numpy as np
 
 from mpmtop.arrays import Array
 from mpmtop.body import Material
+from mpmtop.criteria import Compliance, PNormStress
 from mpmtop.equilibrium import equilibrium
 from mpmtop.loads import PointLoad
 from mpmtop.model import discretise
@@ -16,7 +17,7 @@ from mpmtop.objectives import compliance
 from mpmtop.optimizers import GCMMA, optimize
 from mpmtop.points import MaterialPoints, seed
 from mpmtop.problem import DesignProblem
-from mpmtop.scene import Compliance, PNormStress, Scene
+from mpmtop.scene import Scene
 from validation.studies.stability.cases import FUNCTIONS, beam, lattice, model_of
 from validation.studies.stability.judge import Analysis, Case, Finding, Limit, direct, distance, quantities, worst
 
