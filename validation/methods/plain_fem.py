@@ -1,11 +1,12 @@
-"""A plain scikit-fem SIMP loop, as a user of scikit-fem would write it from its examples: the baseline of the timings.
+"""Plain scikit-fem, as its user would write it from its examples: an analysis, and a SIMP loop, the timings' baseline.
 
 `BilinearForm` assembled anew each iteration with the modulus as a field, `condense`, `solve`. Same elements, filter
 and problem as `reference_fem.simp`, whose numbers it must reproduce; nothing is cached but mesh, basis and filter.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
+from importlib.metadata import version
 
 import numpy as np
 import scipy.sparse as sp
@@ -17,14 +18,16 @@ from skfem import (
     ElementQuad1,
     ElementVector,
     Functional,
+    LinearForm,
     MeshQuad,
     condense,
     solve,
 )
-from skfem.helpers import ddot, eye, sym_grad, trace
+from skfem.helpers import ddot, dot, eye, sym_grad, trace
 
-from mpmtop.arrays import Array
+from mpmtop.arrays import Array, Index
 from mpmtop.scene import Scene
+from validation.methods.protocol import Answer, Capability, Case
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,6 +127,66 @@ class PlainProblem:
         )
         weight = np.full(len(self.centres), 1 / (self.scene.design.volume_fraction * len(self.centres)))
         return self.filter.T @ (-slope * work), (self.filter.T @ weight)[None]
+
+
+@dataclass(frozen=True)
+class PlainFem:
+    """Bilinear elements behind the methods' protocol, one for each point, in plane strain; fields at their centres."""
+
+    name: str = "plain scikit-fem"
+    version: str = f"scikit-fem {version('scikit-fem')}"
+    capabilities: frozenset[Capability] = field(
+        default=frozenset(
+            {
+                *("analysis", "gradient", "moduli by point", "body forces", "loads at positions"),
+                *("prescribed displacements", "any outline"),
+            }
+        )
+    )
+
+    def analyse(self, case: Case) -> Answer:
+        """See `Method`."""
+        basis, f, u, element = self._solved(case)
+        centre = Basis(basis.mesh, basis.elem, quadrature=(np.full((2, 1), 0.5), np.ones(1)))
+        at = centre.interpolate(u)
+        stress = np.asarray(_stress(sym_grad(at), case.body.material.poisson))[:, :, element, 0] * case.moduli
+        return Answer(np.asarray(at)[:, element, 0].T, stress[[0, 1, 0], [0, 1, 1]].T, float(f @ u))
+
+    def gradient(self, case: Case) -> Array:
+        """Minus the elements' strain energies at unit modulus, twice; see `Method`."""
+        basis, _, u, element = self._solved(case)
+        work: Array = energy.elemental(basis, u=basis.interpolate(u), nu=case.body.material.poisson)
+        return -work[element]
+
+    def _solved(self, case: Case) -> tuple[Basis, Array, Array, Index]:
+        """Basis, load vector f (N,), displacements u (N,), and the element (p,) of each point."""
+        lower, upper = case.body.domain.bounds
+        count = np.rint((upper - lower) / (2 * case.points.half_length[0])).astype(int)
+        mesh = MeshQuad.init_tensor(*(np.linspace(a, b, n + 1) for a, b, n in zip(lower, upper, count, strict=True)))
+        mesh = mesh.restrict(lambda x: case.body.domain.contains(x.T))
+        basis = Basis(mesh, ElementVector(ElementQuad1()))
+        element = KDTree(mesh.p[:, mesh.t].mean(axis=1).T).query(case.points.x)[1]
+
+        def by_element(values: Array) -> Array:
+            ordered = np.empty_like(values)
+            ordered[element] = values
+            return ordered
+
+        places, forces = case.acts.places(case.points.x)
+        f = basis.probes(places.T).T @ forces.T.ravel() if len(places) else np.zeros(basis.N)
+        if case.body_force is not None:
+            constant = by_element(case.body_force).T[:, :, None] * np.ones(basis.dx.shape)
+            f = f + LinearForm(lambda v, w: dot(w.b, v)).assemble(basis, b=constant)
+        density = basis.with_element(ElementQuad0())
+        K = stiffness.assemble(basis, young=density.interpolate(by_element(case.moduli)), nu=case.body.material.poisson)
+        given, held = np.zeros(basis.N), []
+        displaced = case.displaced(mesh.p.T)
+        for support in case.body.supports:
+            inside = np.flatnonzero(support.region.contains(mesh.p.T, 1e-9 * float(case.points.half_length.min())))
+            held += [basis.nodal_dofs[a, inside] for a in (0, 1) if support.fixed[a]]
+        for a in (0, 1):
+            given[basis.nodal_dofs[a]] = displaced[:, a]
+        return basis, f, solve(*condense(K, f, x=given, D=np.unique(np.concatenate(held)))), element
 
 
 def _stress(strain: Array, nu: float) -> Array:

@@ -1,19 +1,22 @@
-"""pyMOTO on the cantilever: the same elements, filter, load and problem as `reference_fem.simp`, in its own code.
+"""pyMOTO: an analysis, and the cantilever's optimisation with the filter, load and problem of `reference_fem.simp`.
 
 pyMOTO (MIT, github.com/aatmdelissen/pyMOTO) is a package for modular topology optimisation. It takes the best solver it
 finds: Intel MKL's PARDISO, CHOLMOD, else SuperLU.
 """
 
 from dataclasses import dataclass, field
+from importlib.metadata import version
 from typing import Any
 from unittest.mock import patch
 
 import matplotlib as mpl
 import numpy as np
+from scipy.spatial import KDTree
 
-from mpmtop.arrays import Array
+from mpmtop.arrays import Array, Index
 from mpmtop.loads import action
 from mpmtop.scene import Scene
+from validation.methods.protocol import Answer, Capability, Case
 
 with patch.object(mpl, "use"):  # pyMOTO asks for a window as it is imported; the report draws without one
     import pymoto
@@ -89,3 +92,58 @@ class PyMoto:
         """Analysis, sensitivities and one MMA update; the compliance of the design analysed comes back."""
         self.optimizer.x, *_ = self.optimizer.step()
         return self.compliance
+
+
+@dataclass(frozen=True)
+class PyMotoMethod:
+    """pyMOTO's elements behind the methods' protocol, one for each point; fields at their centres."""
+
+    name: str = "pyMOTO"
+    version: str = f"pyMOTO {version('pymoto')}"
+    capabilities: frozenset[Capability] = field(
+        default=frozenset({"analysis", "gradient", "moduli by point", "body forces", "plane stress"})
+    )
+
+    def analyse(self, case: Case) -> Answer:
+        """See `Method`."""
+        material = case.body.material
+        domain, element, _, u, work = _network(case)
+        stress = pymoto.Stress(domain, 1.0, material.poisson, material.plane)(u).state[:, element] * case.moduli
+        at = np.asarray(u.state).reshape(-1, 2)[domain.conn[element]].mean(axis=1)
+        return Answer(at, stress.T, float(work.state))
+
+    def gradient(self, case: Case) -> Array:
+        """By pyMOTO's own chain of sensitivities; see `Method`."""
+        _, element, moduli, _, _ = _network(case, differentiated=True)
+        by_element: Array = np.asarray(moduli.sensitivity)[element]
+        return by_element
+
+
+def _network(case: Case, *, differentiated: bool = False) -> tuple[Any, Index, Any, Any, Any]:
+    """Domain, element (p,) of each point, and the signals of moduli, displacements and compliance of a case."""
+    lower, upper = case.body.domain.bounds
+    size = 2 * case.points.half_length[0]
+    count = np.rint((upper - lower) / size).astype(int)
+    domain = pymoto.VoxelDomain(*count.tolist(), unitx=float(size[0]), unity=float(size[1]))
+    element = KDTree(np.array(domain.get_element_position())[:2].T + lower).query(case.points.x)[1]
+    nodes = np.array(domain.get_node_position())[:2].T + lower
+    held = np.zeros(nodes.shape, bool)
+    for support in case.body.supports:
+        held |= np.outer(support.region.contains(nodes, 1e-9 * float(size.min())), support.fixed)
+    force = case.point_forces + (0 if case.body_force is None else case.points.volume[:, None] * case.body_force)
+    f = np.zeros(nodes.shape)
+    np.add.at(f, domain.conn[element], force[:, None] / 4)  # of bilinear functions at the centre
+    by_element = np.empty(len(element))
+    by_element[element] = case.moduli
+    moduli = pymoto.Signal("moduli", by_element)
+    material, free = case.body.material, np.where(held, 0.0, f)
+    with pymoto.Network() as network:
+        K = pymoto.AssembleStiffness(
+            domain, bc=np.flatnonzero(held.ravel()), poisson_ratio=material.poisson, plane=material.plane
+        )(moduli)
+        u = pymoto.LinSolve(symmetric=True, positive_definite=True)(K, free.ravel())
+        work = pymoto.EinSum("i,i->")(u, free.ravel())
+    if differentiated:
+        work.sensitivity = 1.0
+        network.sensitivity()
+    return domain, element, moduli, u, work

@@ -1,0 +1,172 @@
+"""What every method is asked and answers: a case, an analysis of it, and what the method can do, said beforehand.
+
+A case is a body with its points on a grid. A method states its capabilities; whoever asks compares them with what the
+case needs (`lacking`) and gets a word in place of a number, never an exception: "not supported" for what the method
+cannot be asked, "not stated" for what it does not tell.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal, NamedTuple, Protocol
+
+import numpy as np
+
+from mpmtop.arrays import Array, Index, Mask
+from mpmtop.body import Body
+from mpmtop.errors import InvalidScene
+from mpmtop.grid import Grid
+from mpmtop.loads import Action, action
+from mpmtop.points import MaterialPoints, seed
+from mpmtop.region import Rectangle, Region
+
+Capability = Literal[
+    "analysis",  # `analyse`: displacement and stress at the points of a case
+    "gradient",  # `gradient`: of its compliance by the points' moduli
+    "moduli by point",
+    "body forces",
+    "loads at positions",
+    "prescribed displacements",
+    "plane stress",
+    "any outline",  # of the body, and not only a rectangle
+    "points anywhere",  # of any size, and not only a lattice that fills the body
+]
+NOT_SUPPORTED, NOT_STATED = "not supported", "not stated"
+ON_LATTICE = 1e-9
+"""Part of its spacing by which a point may miss its place on a lattice: rounding."""
+
+
+class Held(NamedTuple):
+    """Nodes of the grid, their lattice indices (m, 2) and positions (m, 2), that are held in the components marked in
+    `fixed` (m, 2), at the displacements `value` (m, 2)."""
+
+    node: Index
+    position: Array
+    fixed: Mask
+    value: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """A body with `points` on a `grid`, Young's moduli (p,) by point, under its loads and `body_force` (p, 2).
+
+    A body force is per volume: a point carries V_p b_p. `prescribed` gives the displacements (n, 2) at which supports
+    hold nodes at positions (n, 2), zero unless given.
+    """
+
+    name: str
+    body: Body
+    points: MaterialPoints
+    grid: Grid
+    moduli: Array
+    body_force: Array | None = None
+    prescribed: Callable[[Array], Array] | None = None
+
+    @cached_property
+    def acts(self) -> Action:
+        """Forces of the body's loads, on points and at positions."""
+        return action(self.body.loads, self.points.x, self.points.volume, 1e-9 * min(self.grid.h))
+
+    @cached_property
+    def point_forces(self) -> Array:
+        """Forces (p, 2) of the body's loads that points carry; the body force is not among them."""
+        forces = np.zeros_like(self.points.x)
+        np.add.at(forces, self.acts.points, self.acts.carried)
+        return forces
+
+    @cached_property
+    def held(self) -> Held:
+        """The nodes of the grid that the supports hold, also those that no point touches."""
+        position = self.grid.node_positions()
+        fixed = np.zeros(position.shape, bool)
+        for support in self.body.supports:
+            fixed |= np.outer(support.region.contains(position, 1e-9 * min(self.grid.h)), support.fixed)
+        index = np.flatnonzero(fixed.any(axis=1))
+        node = np.stack(np.divmod(index, self.grid.nodes[1]), axis=1)
+        return Held(node, position[index], fixed[index], self.displaced(position[index]))
+
+    def displaced(self, x: Array) -> Array:
+        """Displacements (n, 2) at which the supports hold nodes at x (n, 2)."""
+        return np.zeros_like(x) if self.prescribed is None else self.prescribed(x)
+
+    @cached_property
+    def needs(self) -> frozenset[Capability]:
+        """What a method must be able to do to analyse it."""
+        asked: dict[Capability, bool] = {
+            "analysis": True,
+            "moduli by point": bool(np.any(self.moduli != self.moduli[0])),
+            "body forces": self.body_force is not None,
+            "loads at positions": len(self.acts.position) > 0,
+            "prescribed displacements": self.prescribed is not None,
+            "plane stress": self.body.material.plane == "stress",
+            "any outline": not _a_rectangle(self.body.domain),
+            "points anywhere": not _fill(self.body, self.points),
+        }
+        return frozenset(capability for capability, needed in asked.items() if needed)
+
+
+def _a_rectangle(domain: Region) -> bool:
+    """Whether the domain is its bounding box, as far as can be told: `Rectangle` says so, of others it is not known."""
+    return isinstance(domain, Rectangle)
+
+
+def _fill(body: Body, points: MaterialPoints) -> bool:
+    """Whether the points are a lattice of equal ones that fills the domain, as `seed` makes it, in any order."""
+    spacing = 2 * points.half_length[0]
+    if np.any(np.abs(2 * points.half_length - spacing) > ON_LATTICE * spacing):
+        return False
+    try:
+        lattice = seed(body.domain, (float(spacing[0]), float(spacing[1])))
+    except InvalidScene:
+        return False
+    if len(lattice.x) != len(points.x):
+        return False
+    by_place = (np.lexsort(np.rint(p.x / (0.5 * spacing)).T) for p in (lattice, points))
+    ours, theirs = (p.x[order] for p, order in zip((lattice, points), by_place, strict=True))
+    return bool(np.all(np.abs(ours - theirs) <= ON_LATTICE * spacing))
+
+
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """Displacement u (p, 2), stress (p, 3) in the order xx, yy, xy, and compliance f.u; None for what is not stated."""
+
+    u: Array
+    stress: Array | None = None
+    compliance: float | None = None
+
+
+class Method(Protocol):
+    """A method, by name and version; it is asked for what is in its `capabilities` only."""
+
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def version(self) -> str: ...
+
+    @property
+    def capabilities(self) -> frozenset[Capability]: ...
+
+    def analyse(self, case: Case) -> Answer:
+        """Static equilibrium of small strains, one answer for each point in the case's order."""
+        ...
+
+    def gradient(self, case: Case) -> Array:
+        """dC/dE (p,): of the compliance by each point's Young's modulus, supports holding at zero."""
+        ...
+
+
+def lacking(method: Method, case: Case, also: frozenset[Capability] = frozenset()) -> str:
+    """What the method cannot do that the case, or the question `also`, needs: "" if nothing."""
+    lacks = sorted((case.needs | also) - method.capabilities)
+    return f"{NOT_SUPPORTED}: {', '.join(lacks)}" if lacks else ""
+
+
+def compliance(method: Method, case: Case) -> float | str:
+    """By the method, or the word for why it gives none."""
+    return lacking(method, case) or stated(method.analyse(case).compliance)
+
+
+def stated(number: float | None) -> float | str:
+    """The number, or the word for none."""
+    return NOT_STATED if number is None else number
