@@ -109,6 +109,15 @@ class Jitter:
         return f"jitter({self.amplitude:g})"
 
 
+FAMILIES: dict[str, tuple[Crossing, ...]] = {
+    "uniform(s)": tuple(Uniform(s) for s in (0.26, 0.3, 0.4, 0.5, 0.6, 0.7, 0.74)),
+    "periodic(n, 0.26)": tuple(Periodic(n) for n in (2, 3, 4, 5, 6, 8)),
+    "wave(n, 0.26)": tuple(Wave(n) for n in (5, 6, 7, 8, 9, 10, 12, 16, 20)),
+    "bump(4, w, 0.26)": tuple(Bump(4, w) for w in (0.5, 0.75, 1.0, 1.25, 1.5, 1.75, 2.0)),
+}
+"""Members of each family; none wider than half the distance of the bumps, where their sum is next to a shift."""
+
+
 def points_model(body: Body, shape_function: ShapeFunction, ppc: int, crossing: Crossing, ghost: float = 0.0) -> Model:
     """The body on cells of size 1 with ppc x ppc points in each, moved by `crossing`."""
     points = crossing(seed(body.domain, (1 / ppc, 1 / ppc)), body.domain)
@@ -124,6 +133,8 @@ def moved(crossing: Crossing) -> str:
             return f"With the points left of one in {every} cell boundaries moved by {distance:g} h"
         case Wave(period, amplitude):
             return f"With points moved by a sine of length {period:g} h and amplitude {amplitude:g} h"
+        case Bump(every, width):
+            return f"With a bump of {width:g} h in width at one in {every} cell boundaries"
         case Jitter(amplitude):
             return f"With points moved at random by up to {amplitude:g} h"
     return f"With points moved by {crossing}"

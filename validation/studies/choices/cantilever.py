@@ -1,15 +1,14 @@
 """Cantilevers by the choices that the paper leaves open: load, filter radius, update rule, start, crossing."""
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 from joblib import Parallel, delayed
 
-from mpmtop.arrays import Array
 from mpmtop.optimizers import GCMMA, MMA, SingleStepGCMMA, UpdateRule, optimize
-from validation.bodies.crossing import Bump, Crossing, Periodic, Uniform, Wave
+from validation.bodies.crossing import Crossing
 from validation.bodies.scenes import SPACING, TipLoad, cantilever
+from validation.bodies.starts import cosines
 from validation.methods.analyser import JOBS, MOVE, SHAPE_FUNCTIONS, Analyser, Optimisation, material_points
 
 RULES: dict[str, UpdateRule] = {
@@ -22,15 +21,6 @@ RADII = (2.0, 2.2, 2.3, 2.5, 3.0)
 """Filter radii in point spacings."""
 SEEDS = (0, 1, 2, 3)
 """Starts of the scatter: 0 is the uniform one."""
-WAVES = 4
-"""Cosines of a start."""
-FAMILIES: dict[str, tuple[Crossing, ...]] = {
-    "uniform(s)": tuple(Uniform(s) for s in (0.26, 0.3, 0.4, 0.5, 0.6, 0.7, 0.74)),
-    "periodic(n, 0.26)": tuple(Periodic(n) for n in (2, 3, 4, 5, 6, 8)),
-    "wave(n, 0.26)": tuple(Wave(n) for n in (5, 6, 7, 8, 9, 10, 12, 16, 20)),
-    "bump(4, w, 0.26)": tuple(Bump(4, w) for w in (0.5, 0.75, 1.0, 1.25, 1.5, 1.75, 2.0)),
-}
-"""Members of each family; none wider than half the distance of the bumps, where their sum is next to a shift."""
 
 
 class Base(NamedTuple):
@@ -45,19 +35,6 @@ BASES = (Base("mid-height", 3.0), Base("bottom corner", 2.3))
 """The study's own cantilever, and the second: the radius among `RADII` that brings it nearest to 83.57."""
 
 
-def start(seed: int, volume_fraction: float = 0.4) -> Callable[[Array], Array]:
-    """Densities of a start as a function of the positions (n, 2), the same field on any points: the volume fraction
-    times 1 plus cosines of random direction, wave length (10 h and more) and phase, of 1/2 at most in all."""
-    rng = np.random.default_rng(seed)
-    k, phase = rng.uniform(-2 * np.pi / 10, 2 * np.pi / 10, (2, WAVES)), rng.uniform(0, 2 * np.pi, WAVES)
-    size = 0.5 * (seed > 0) / WAVES
-
-    def field(x: Array) -> Array:
-        return volume_fraction * (1 + size * np.sum(np.cos(x @ k + phase), axis=1))
-
-    return field
-
-
 def build(base: Base, name: str = "standard", crossing: Crossing | None = None) -> Analyser:
     """The cantilever by a method."""
     return material_points(SHAPE_FUNCTIONS[name], name, crossing)(cantilever(base.load, base.radius * SPACING))
@@ -67,7 +44,7 @@ def optimise(base: Base, name: str = "standard", crossing: Crossing | None = Non
     """One run."""
     analyser = build(base, name, crossing)
     return Optimisation.collect(
-        optimize(analyser.problem, RULES[base.rule], start=start(seed), max_iterations=300), analyser
+        optimize(analyser.problem, RULES[base.rule], start=cosines(seed), max_iterations=300), analyser
     )
 
 

@@ -16,6 +16,7 @@ import pandas as pd
 import pytest
 
 from validation import paper
+from validation.bodies.crossing import FAMILIES
 from validation.bodies.scenes import l_bracket
 from validation.harness.lock import Lock
 from validation.harness.report import Report
@@ -23,7 +24,7 @@ from validation.methods.analyser import METHODS, Optimisation
 from validation.paper import Compared, compare
 from validation.studies.choices import bracket, cantilever
 from validation.studies.choices.bracket import MEASURES, NAMES, STOPS, Case
-from validation.studies.choices.cantilever import BASES, FAMILIES, RULES, SEEDS, Base
+from validation.studies.choices.cantilever import BASES, RULES, SEEDS, Base
 
 pytestmark = pytest.mark.filterwarnings("ignore::mpmtop.diagnose.ModelWarning")
 

@@ -22,7 +22,7 @@ from mpmtop.points import seed
 from reference_fem import elasticity
 from reference_fem.reanalyse import Judge, build_judge
 from validation import paper
-from validation.bodies.crossing import Crossing, Periodic, Uniform, Wave, moved
+from validation.bodies.crossing import FAMILIES, Crossing, moved
 from validation.bodies.scenes import SPACING, H, cantilever
 from validation.bodies.sketch import CALIBRATED, CHOSEN, opening
 from validation.harness.lock import Lock
@@ -47,12 +47,6 @@ RTOL_COMPLIANCE, RTOL_RISE = 0.0125, 0.1
 """Agreement with the paper: an optimum to what it scatters by update rule and start (1.2 %, study of open choices); a
 rise to a tenth, being itself what crossing makes."""
 
-FAMILIES: dict[str, tuple[Crossing, ...]] = {
-    "uniform(s)": tuple(Uniform(s) for s in (0.26, 0.3, 0.4, 0.5, 0.6, 0.7, 0.74)),
-    "periodic(n, 0.26)": tuple(Periodic(n) for n in (2, 3, 4, 5, 6, 8)),
-    "wave(n, 0.26)": tuple(Wave(n) for n in (5, 6, 7, 8, 9, 10, 12, 16, 20)),
-}
-"""Members of each family among which the calibration chooses."""
 REPRODUCTION = "periodic(n, 0.26)"
 """The family whose stress field has the paper's periodic overshoots; its runs are shown in full."""
 NAMES = ("standard", "GIMP")
