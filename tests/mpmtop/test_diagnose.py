@@ -1,5 +1,6 @@
 """Models that mislead about the body say so, and those that do not are left in peace."""
 
+import re
 import warnings
 from collections.abc import Callable
 
@@ -9,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mpmtop.body import Support
-from mpmtop.diagnose import GluedGap, ModelWarning, NearMechanism, PointsOnGridLines
+from mpmtop.diagnose import GluedGap, ModelWarning, NearMechanism, PointsOnGridLines, energy_warning
 from mpmtop.equilibrium import equilibrium
 from mpmtop.grid import Grid
 from mpmtop.loads import PointLoad, RegionLoad
@@ -20,6 +21,7 @@ from mpmtop.problem import DesignProblem, plan
 from mpmtop.region import Circle, Difference, Polygon, Rectangle, Region, Union
 from mpmtop.scene import Scene
 from mpmtop.shape_functions import ShapeFunction, bspline2, bspline3, gimp, tent
+from mpmtop.transfer import body_ends, transfer
 from reference_fem import elasticity
 from tests.scenes import SHAPE_FUNCTIONS, cantilever
 
@@ -188,6 +190,56 @@ def test_clamp_between_grid_lines(s: float, h: float, shape_function: ShapeFunct
     if s in (0.0, 0.95):
         assert error < 0.06  # by GIMP, whose other end is cut by a hair
         assert NearMechanism not in found
+
+
+@pytest.mark.parametrize("s", [0.0, 0.8, 0.85, 0.9, 0.95])
+def test_estimate_of_a_bent_clamp(s: float) -> None:
+    """The estimate is that of a beam longer by a hair, to first order; from 4 per cent on it is a warning."""
+
+    def compliance(s: float) -> tuple[float, set[type[Warning]], Model]:
+        scene = cantilever(20, 4, load=PointLoad((19.75, 2.0), (0.0, -1.0), points=4))
+        model, found = kinds(lambda: discretise(scene.body, grid=Grid((s - 3, -3.0), (1.0, 1.0), (27, 10))))
+        return float(model.f_ext @ equilibrium(model, np.ones(len(model.points.volume))).u), found, model
+
+    straight, (C, found, model) = compliance(0.0)[0], compliance(s)
+    error = C / straight - 1
+    assert (NearMechanism in found) == (error > 0.04)
+    if found:
+        said = re.search(r"too large by about ([\d.]+) %", str(model.findings[0]))
+        assert said is not None
+        assert float(said[1]) / 100 == pytest.approx(error, rel=0.1)  # the next order is 3 (longer / length)^2
+
+
+@pytest.mark.parametrize("a", [1.0, 1.9, 2.1, 4.0])
+def test_energy_between_the_points(a: float) -> None:
+    """One point per cell sees the strain e = 1, not the hourglass u_x = a (-1)^(i + j) / 2: eps_xx and the engineering
+    shear of it have a^2 / 3 in the mean square, and shear counts by half. Warned of from three times the energy on."""
+    grid, points = Grid((0.0, 0.0), (1.0, 1.0), (9, 7)), seed(Rectangle((0.0, 0.0), (8.0, 6.0)), (1.0, 1.0))
+    operators = transfer(grid, points, tent, body_ends(grid, points))
+    x, y = grid.node_positions(operators.nodes).T
+    u = np.stack([x + a * (-1.0) ** (x + y) / 2, 0 * x], axis=1).ravel()
+    found = energy_warning(grid, points, operators, u, operators.strain(u), np.ones(len(points.x)))
+    ratio = 1 + a**2 / 3 * (1 + 1 / 2)
+    assert (found is not None) == (ratio > 3)
+    assert found is None or f"{ratio:.3g} times the strain" in str(found)
+
+
+@pytest.mark.parametrize("apart", [0.0, 0.5, 0.7, 0.8, 1.0])
+def test_columns_of_points_that_moved_apart(apart: float) -> None:
+    """The right half of a body moved by a part of a domain's width: in contact up to three quarters of it."""
+    lattice = seed(Rectangle((0.0, 0.0), (8.0, 4.0)), (0.5, 0.5))
+    points = lattice.moved((lattice.x[:, :1] > 4) * [0.5 * apart, 0.0])
+    _, found = kinds(lambda: discretise(cantilever(9, 4).body, 1.0, points=points))
+    assert (GluedGap in found) == (apart > 0.75)
+
+
+def test_gaps_beyond_the_third_are_counted() -> None:
+    domain: Region = BOX
+    for x in (3.0, 7.0, 11.0, 15.0):
+        domain = Difference(domain, Rectangle((x, 2.0), (x + 0.5, 13.0)))
+    model, _ = kinds(lambda: discretise(body(domain, (20.0, 1.0)).body, 1.0))
+    assert str(model.findings[0]).count(" nodes from ") == 3
+    assert "; and 1 more." in str(model.findings[0])
 
 
 @pytest.mark.parametrize("degrees", [20, 30, 45])

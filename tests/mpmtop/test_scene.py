@@ -1,5 +1,6 @@
 """Bad input gets a named error that says what to change."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -115,6 +116,19 @@ def test_an_argument_that_another_leaves_without_effect_is_refused() -> None:
     with pytest.raises(InvalidScene, match="beside `points`"):
         discretise(body, 1.0, 7, points=points)
     assert len(discretise(body, grid=grid).points.x) == 32
+
+
+def test_a_model_takes_other_loads_but_no_other_supports_or_material() -> None:
+    model = discretise(cantilever(8, 4).body, 1.0)
+    pulled = replace(model, body=replace(model.body, loads=(PointLoad((8.0, 2.0), (2.0, 0.0)),)))
+    assert pulled.f_ext.reshape(-1, 2).sum(axis=0) == pytest.approx([2.0, 0.0], abs=1e-12)
+    roller = (*model.body.supports, Support(Rectangle((8.0, 0.0), (8.0, 4.0)), (True, False)))
+    for body, what in (
+        (replace(model.body, supports=roller), "other supports"),
+        (replace(model.body, material=Material(1.0, 0.2)), "another material"),
+    ):
+        with pytest.raises(InvalidScene, match=f"made (for|of) {what}: discretise the body anew"):
+            replace(model, body=body)
 
 
 def test_discretisation_refuses() -> None:
