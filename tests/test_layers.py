@@ -24,7 +24,7 @@ ORDER = [
     *("optimizers", "fields", "at_points", "export", "plot"),
     *(
         f"large_deformation.{name}"
-        for name in ("law", "kinematics", "background", "assembly", "model", "step", "steps")
+        for name in ("law", "kinematics", "background", "assembly", "model", "step", "newton", "steps")
     ),
     *(f"large_deformation.{name}" for name in ("adjoint", "objectives", "problem")),
     "large_deformation",

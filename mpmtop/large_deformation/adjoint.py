@@ -19,13 +19,13 @@ import numpy as np
 
 from mpmtop.arrays import Array
 from mpmtop.errors import UnsupportedBody
-from mpmtop.large_deformation.assembly import factorised
 from mpmtop.large_deformation.kinematics import Weights, pull_back, stretched_pull_back
 from mpmtop.large_deformation.law import tangent
 from mpmtop.large_deformation.model import Model
-from mpmtop.large_deformation.step import Problem, State, operators
+from mpmtop.large_deformation.newton import Problem
+from mpmtop.large_deformation.step import State, operators
 from mpmtop.large_deformation.steps import Trajectory
-from mpmtop.solvers.pattern import SingularMatrix
+from mpmtop.solvers import SingularMatrix
 
 
 class Seed(NamedTuple):
@@ -58,21 +58,17 @@ def _step_back(model: Model, path: Trajectory, n: int, x_bar: Array, F_bar: Arra
     state, found, level = path.states[n - 1], path.increments[n - 1], model.levels[n - 1]
     ops = operators(model, state, second=model.frame == "updated")
     problem = Problem(model, ops, state.F, path.moduli, level, 0.0)
-    right = ops.reduced(ops.to_nodes(F_bar, x_bar))
+    P, A = tangent(model.law, found.F)
+    right = ops.reduced(ops.to_nodes(F_bar) + ops.N.T @ x_bar)
     try:
-        K = problem.tangent(found.F)
-        solve = factorised(K)
+        adjoint = ops.nodal(ops.assembly.factor(problem.tangent(A))(right))
     except SingularMatrix as error:
         raise UnsupportedBody(
             f"load step {n} of {model.steps}: its tangent is singular, there is no gradient"
         ) from error
-    q = solve(right)
-    q += solve(right - K @ q)  # the factorisation is pivoted for speed
-    adjoint = ops.nodal(q)
 
     volume = model.points.volume
     Lambda = ops.gradient(adjoint)
-    P, A = tangent(model.law, found.F)
     weight = volume * path.moduli
     F_hat = F_bar - (weight[:, None] * (A @ Lambda.reshape(-1, 4, 1))[..., 0]).reshape(F_bar.shape)
     part = -volume * np.sum(P * Lambda, axis=(1, 2))

@@ -1,24 +1,25 @@
-"""Tangent of a step, assembled through fixed stencils, and its factorisation.
+"""Tangent of a step, assembled by the stencils of its points, and its factorisation.
 
-The functions of a point live on n1 x n1 nodes, so a node has at most (2 n1 - 1)^2 neighbours, itself included. Matrices
-of points are summed into an array (nodes, neighbours, 2, 2), whose slots are known without any search; the entries of
-the sparse tangent are picked from there.
+Points with the same nodes share a stencil: their matrices are summed first, and the sums go to the entries of the
+tangent's lower triangle. Where they go depends on which stencils and nodes are in use and not on the points' places in
+them: a step and its adjoint share it.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
-from mpmtop.arrays import Array, Index
+from mpmtop.arrays import Array, Index, Mask
 from mpmtop.grid import Grid
 from mpmtop.large_deformation.kinematics import Weights
-from mpmtop.solvers.pattern import SingularMatrix, Solve
+from mpmtop.solvers import Pattern, SingularMatrix, Solve, SparseCholesky
 
 PIVOT = 1e-3
-"""Part of a column's largest entry that the diagonal must have to be the pivot. The tangent is symmetric and mostly
-positive definite, where the diagonal is as good as any; past a limit point it is not."""
+"""Part of a column's largest entry that the diagonal must have to be the pivot, where the tangent is not positive
+definite; past a limit point it is not."""
 
 
 def scatter(index: Index, values: Array, size: int) -> Array:
@@ -30,80 +31,127 @@ def scatter(index: Index, values: Array, size: int) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class Assembly:
-    """Where the matrices of the points go: slots (p, n, 2, 2, n), in order node, component, component, node, of an
-    array of `slots` entries, of which `kept` (k,), times `sign` (k,), go to the `entry` (k,) of the tangent.
+class Stencils:
+    """The c stencils of p points: `first` (c, 2) lines of their first nodes, and which of them a point has (p,)."""
 
-    The tangent (m, m) has the pattern `indices`, `indptr` by columns and the `constant` part of the background.
+    first: Index
+    of_point: Index
+
+    @cached_property
+    def sums(self) -> sp.csr_array:
+        """(c, p): sums over the points of each."""
+        p = len(self.of_point)
+        return sp.csr_array((np.ones(p), (self.of_point, np.arange(p))), shape=(len(self.first), p))
+
+
+def stencils(weights: Weights) -> Stencils:
+    """Those of the points' weights."""
+    key = weights.first - weights.first.min(axis=0)
+    width = int(key[:, 1].max()) + 1
+    found, of_point = np.unique(key[:, 0] * width + key[:, 1], return_inverse=True)
+    return Stencils(np.stack(np.divmod(found, width), axis=1) + weights.first.min(axis=0), of_point)
+
+
+@dataclass(frozen=True, eq=False)
+class Assembly:
+    """Where the matrices (c, n, 2, 2, n) of the stencils go, in order node, component, component, node: those `kept`
+    (k,), times `sign` (k,) or 1, to the `entry` (k,) of the lower triangle `pattern` of the tangent (m, m).
+
+    `soft` (m, m) is the background's part and `constant` its lower triangle on the pattern. Degree of freedom d of the
+    box is a row of `to_unknowns` (m, 2 nodes) at most, with its sign, and `held` (2 nodes,) if of none.
     """
 
-    slot: Index
-    slots: int
+    pattern: Pattern
+    position: Array
     kept: Index
-    sign: Array
+    sign: Array | None
     entry: Index
     constant: Array
-    indices: Index
-    indptr: Index
+    soft: sp.csr_array
+    to_unknowns: sp.csr_array
+    held: Mask
 
-    def tangent(self, local: Array) -> sp.csc_array:
-        """K (m, m) of the points' matrices local (p, n, 2, 2, n)."""
-        entries = scatter(self.slot, local, self.slots)[self.kept] * self.sign
-        data = self.constant + scatter(self.entry, entries, len(self.constant))
-        m = len(self.indptr) - 1
-        return sp.csc_array((data, self.indices, self.indptr), shape=(m, m))
+    @property
+    def nbytes(self) -> int:
+        """Memory [bytes] of what grows with the points."""
+        arrays = (self.kept, self.entry, self.constant, self.pattern.row, self.pattern.col, self.soft.data)
+        return 2 * sum(array.nbytes for array in arrays)  # the factorisation's analysis is as large again
+
+    def lower(self, local: Array) -> Array:
+        """Entries of the lower triangle, of the stencils' matrices local (c, n, 2, 2, n)."""
+        values = local.ravel()[self.kept]
+        if self.sign is not None:
+            values = values * self.sign
+        return self.constant + scatter(self.entry, values, len(self.constant))
+
+    @cached_property
+    def cholesky(self) -> SparseCholesky:
+        """Solver of a positive definite tangent."""
+        return SparseCholesky(self.pattern, self.position)
+
+    def factor(self, lower: Array) -> Solve:
+        """Solve with K by its lower triangle; SingularMatrix names an unknown that has no stiffness.
+
+        What is not positive definite, or complex, is left to a factorisation with pivots.
+        """
+        if not np.iscomplexobj(lower):
+            try:
+                return self.cholesky.factor(lower)
+            except SingularMatrix:
+                pass
+        return factorised(self.full(lower))
+
+    def full(self, lower: Array) -> sp.csc_array:
+        """K (m, m) of its lower triangle."""
+        below = sp.csc_array((lower, (self.pattern.row, self.pattern.col)), shape=(self.pattern.m,) * 2)
+        return sp.csc_array(below + sp.tril(below, -1).T)
 
 
-def assembly(grid: Grid, weights: Weights, unknown: Index, sign: Array, constant: sp.csr_array) -> Assembly:
-    """Assembly on the m unknowns of a step: degree of freedom d of the grid is sign[d] times unknown[d], or not at all
-    where that is -1; `constant` (m, m) is what the points do not give."""
-    node = weights.node
-    n1 = weights.axes[0].N.shape[1]
-    width = 2 * n1 - 1
-    touched = np.unique(node[weights.touched])
-    row = np.full(np.prod(grid.nodes), 0)  # what is not touched adds zeros to the first
-    row[touched] = np.arange(len(touched))
+def assembly(
+    grid: Grid, used: Stencils, width: int, unknown: Index, sign: Array, soft: sp.csr_array
+) -> Assembly:
+    """Assembly for stencils of `width` nodes along each axis, on the m unknowns of a step: degree of freedom d of the
+    box is sign[d] times unknown[d], or not at all where that is -1; `soft` (m, m) is what the points do not give."""
+    k = np.arange(width)
+    i = np.repeat(used.first[:, :1] + k, width, axis=1)
+    j = np.tile(used.first[:, 1:] + k, (1, width))
+    nx, ny = grid.nodes
+    outside = (i < 0) | (i >= nx) | (j < 0) | (j >= ny)
+    dof = 2 * np.where(outside, 0, i * ny + j)[:, :, None] + np.arange(2)  # (c, n, 2)
+    mine = np.where(outside[:, :, None], -1, unknown[dof])
+    shape = (*mine.shape, *mine.shape[:0:-1])
+    row, col = np.broadcast_to(mine[:, :, :, None, None], shape), mine.swapaxes(1, 2)[:, None, None]
+    kept = np.flatnonzero((row >= col) & (col >= 0))
 
-    k = np.arange(n1)
-    step = (k[None, :] - k[:, None] + n1 - 1).astype(np.intp)  # from one node of a stencil to the other, along an axis
-    neighbour = (step[:, None, :, None] * width + step[None, :, None, :]).reshape(n1 * n1, n1 * n1)
-    block = 4 * (row[node][:, :, None] * width**2 + neighbour)  # (p, n, n)
-    slot = block[:, :, None, None, :] + np.array([[0, 1], [2, 3]])[:, :, None]
-
-    d = np.arange(width) - n1 + 1
-    i, j = np.divmod(touched, grid.nodes[1])
-    i, j = (
-        np.broadcast_to(a, (len(touched), width, width)) for a in (i[:, None, None] + d[:, None], j[:, None, None] + d)
-    )
-    inside = (i >= 0) & (i < grid.nodes[0]) & (j >= 0) & (j < grid.nodes[1])
-    other = np.where(inside, i * grid.nodes[1] + j, 0).reshape(len(touched), -1, 1, 1)
-    c = np.arange(2)
-    one, other = np.broadcast_arrays(2 * touched[:, None, None, None] + c[:, None], 2 * other + c)
-    both = inside.reshape(len(touched), -1, 1, 1) & (unknown[one] >= 0) & (unknown[other] >= 0)
-    kept = np.flatnonzero(both)
-    one, other = one.ravel()[kept], other.ravel()[kept]
-
-    m = constant.shape[0]
-    fixed = constant.tocoo()
-    fixed_row, fixed_column = fixed.coords
-    key = np.concatenate([unknown[other] * m + unknown[one], fixed_column.astype(np.intp) * m + fixed_row])
-    pattern, entry = np.unique(key, return_inverse=True)
-    indptr = np.searchsorted(pattern, m * np.arange(m + 1))
+    m = soft.shape[0]
+    below = sp.tril(soft).tocoo()
+    soft_row, soft_col = (part.astype(np.intp) for part in below.coords)
+    row, col = row.ravel()[kept], np.broadcast_to(col, shape).ravel()[kept]
+    key, entry = np.unique(np.concatenate([col * m + row, soft_col * m + soft_row]), return_inverse=True)
+    signs = None
+    if np.any(sign < 0):
+        s = sign[dof]
+        signs = (s[:, :, :, None, None] * s.swapaxes(1, 2)[:, None, None]).ravel()[kept]
+    free = np.flatnonzero(unknown >= 0)
+    position = np.empty((m, 2))
+    # of those that share an unknown one in the body, the last, is as good as any
+    position[unknown[free]] = np.stack(np.divmod(free // 2, ny), axis=1) * np.array(grid.h)
     return Assembly(
-        slot,
-        4 * len(touched) * width**2,
-        kept,
-        sign[one] * sign[other],
-        entry[: len(kept)],
-        scatter(entry[len(kept) :], fixed.data, len(pattern)),
-        (pattern % m).astype(np.int32),
-        indptr.astype(np.int32),
+        Pattern(m, *np.divmod(key, m)[::-1]),
+        position,
+        kept.astype(np.int32),
+        signs,
+        entry[: len(kept)].astype(np.int32),
+        scatter(entry[len(kept) :], below.data, len(key)),
+        soft,
+        sp.csr_array((sign[free], (unknown[free], free)), shape=(m, len(unknown))),
+        unknown < 0,
     )
 
 
 def factorised(K: sp.csc_array) -> Solve:
-    """Solve with K, scaled to a unit diagonal: K spans the contrast of the design, and pivots are told from noise only
-    among equals. SingularMatrix names an unknown that has no stiffness."""
+    """Solve with K by LU with pivots, scaled to a unit diagonal: K spans the contrast of the design, and pivots are
+    told from noise only among equals. SingularMatrix names an unknown that has no stiffness."""
     diagonal = np.abs(K.diagonal())
     if not np.all(diagonal > 0) or not np.all(np.isfinite(diagonal)):
         raise SingularMatrix(int(np.argmin(np.where(np.isfinite(diagonal), diagonal, 0))))

@@ -36,8 +36,10 @@ class Axis(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Weights:
-    """Nodes (p, n) of the grid, whether touched (p, n), N (p, n), grad_N (p, n, 2) and what they are products of."""
+    """Lines of a stencil's first node (p, 2), nodes (p, n) of the grid, whether touched (p, n), N (p, n), grad_N
+    (p, n, 2) and what they are products of."""
 
+    first: Index
     node: Index
     touched: Mask
     N: Array
@@ -77,7 +79,7 @@ def weights(
             f"the body leaves the box from {lower} to {upper}: {len(gone)} of its {len(x)} points, one at "
             f"({at[0]:.4g}, {at[1]:.4g}); give a larger grid, or a smaller load"
         )
-    return Weights(np.where(touched, i * ny + j, 0), touched, N, grad_N, (X, Y))
+    return Weights(first, np.where(touched, i * ny + j, 0), touched, N, grad_N, (X, Y))
 
 
 def _product(a: Array, b: Array) -> Array:
@@ -94,8 +96,8 @@ def _second(shape_function: ShapeFunction, xi: Array, length: Array, h: float) -
     d = xi - np.rint(xi.real)
     crosses = (np.abs(d) < length.real - KINK)[:, None]  # as in `gimp`
     l, d = length[:, None], d[:, None]  # noqa: E741
-    xx, by_l, xl = 1 / (2 * l * h**2), (l**2 - d**2) / (4 * l**2 * h), -d / (2 * l**2 * h**2)
-    return tuple(np.where(crosses, part * BEND, 0) for part in (xx, by_l, xl))  # type: ignore[return-value]
+    bend = np.where(crosses, BEND, 0)
+    return bend / (2 * l * h**2), bend * (l**2 - d**2) / (4 * l**2 * h), -bend * d / (2 * l**2 * h**2)
 
 
 def pull_back(weights: Weights, N_bar: Array, grad_N_bar: Array) -> tuple[Array, Array]:

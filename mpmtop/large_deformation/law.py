@@ -173,23 +173,30 @@ class NeoHookean:
 
 def stress(law: Law, F: Array) -> Array:
     """First Piola-Kirchhoff stress P (p, 2, 2) at unit modulus."""
-    energy = law.energy(F)
-    return 2 * energy.I[:, None, None] * F + energy.J[:, None, None] * cofactor(F)
+    return first_stress(law.energy(F), F)
 
 
 def tangent(law: Law, F: Array) -> tuple[Array, Array]:
     """P (p, 2, 2) and A (p, 4, 4) = dP/dF at unit modulus, rows and columns being the entries xx, xy, yx, yy."""
     e = law.energy(F)
-    C = cofactor(F)
-    P = 2 * e.I[:, None, None] * F + e.J[:, None, None] * C
-    f, c = F.reshape(-1, 4), C.reshape(-1, 4)
+    return first_stress(e, F), moduli(e, F)
+
+
+def first_stress(e: Energy, F: Array) -> Array:
+    """P (p, 2, 2) of F and the energy's derivatives there."""
+    return 2 * e.I[:, None, None] * F + e.J[:, None, None] * cofactor(F)
+
+
+def moduli(e: Energy, F: Array) -> Array:
+    """A (p, 4, 4) of F and the energy's derivatives there."""
+    f, c = F.reshape(-1, 4), cofactor(F).reshape(-1, 4)
     by_I = 4 * e.II[:, None] * f + 2 * e.IJ[:, None] * c
     by_J = 2 * e.IJ[:, None] * f + e.JJ[:, None] * c
     A = by_I[:, :, None] * f[:, None] + by_J[:, :, None] * c[:, None]
     k = np.arange(4)
     A[:, k, k] += 2 * e.I[:, None]
     A[:, k, 3 - k] += e.J[:, None] * np.array([1, -1, -1, 1])
-    return P, A
+    return A
 
 
 def kirchhoff(P: Array, F: Array) -> Array:

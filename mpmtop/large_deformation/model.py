@@ -20,11 +20,13 @@ from functools import cached_property
 from typing import Literal
 
 import numpy as np
+import scipy.sparse as sp
 
 from mpmtop.arrays import Array, Index, Mask
 from mpmtop.body import Body
 from mpmtop.errors import InvalidScene, LoadOutsideBody, UnsupportedBody
 from mpmtop.grid import Grid
+from mpmtop.large_deformation.assembly import Assembly, Stencils, assembly
 from mpmtop.large_deformation.background import Background, background
 from mpmtop.large_deformation.kinematics import Domains
 from mpmtop.large_deformation.law import Hencky, Law
@@ -33,6 +35,9 @@ from mpmtop.points import MaterialPoints, seed
 from mpmtop.shape_functions import ShapeFunction, bspline2, gimp, tent
 
 Frame = Literal["updated", "total"]
+REMEMBERED = 64 * 2**20
+"""Memory [bytes] of assemblies that a model keeps: eight steps of 3,200 points need about half. Beyond it the
+factorisation, which grows faster than the number of points, leaves little to gain."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,11 +72,41 @@ class Model:
         """Number of unknowns of the box."""
         return int(self.unknown.max()) + 1
 
+    def assembly(self, used: Stencils, touched: Mask) -> Assembly:
+        """Assembly of a step in which the points have these stencils and touch these nodes (nodes,) of the box.
+
+        Those of the last steps are kept for the adjoint, as far as they are small.
+        """
+        key = used.first.tobytes() + touched.tobytes()
+        if key not in self._recent:
+            self._recent[key] = self._assembly(used, touched)
+            while len(self._recent) > 1 and sum(a.nbytes for a in self._recent.values()) > REMEMBERED:
+                del self._recent[next(iter(self._recent))]
+        return self._recent[key]
+
+    @cached_property
+    def _recent(self) -> dict[bytes, Assembly]:
+        return {}
+
+    def _assembly(self, used: Stencils, touched: Mask) -> Assembly:
+        mine = self.unknown[np.repeat(touched, 2)]
+        active = np.zeros(self.unknowns, bool)
+        active[mine[mine >= 0]] = True
+        if not np.any(active):
+            raise UnsupportedBody(
+                "every node that the points touch is held: let the supports hold a part of the body only"
+            )
+        place = np.append(np.where(active, np.cumsum(active) - 1, -1), -1)
+        m = np.count_nonzero(active)
+        soft = sp.csr_array((m, m)) if self.background is None else self.background.condensed(active)
+        width = 2 if self.shape_function is tent else 3
+        return assembly(self.grid, used, width, place[self.unknown], self.sign, soft)
+
 
 def discretise(
     body: Body,
-    h: float | tuple[float, float],
-    ppc: int | tuple[int, int] = 2,
+    h: float | tuple[float, float] | None = None,
+    ppc: int | tuple[int, int] | None = None,
     shape_function: ShapeFunction = gimp,
     *,
     steps: int = 8,
@@ -82,20 +117,27 @@ def discretise(
     points: MaterialPoints | None = None,
     grid: Grid | None = None,
 ) -> Model:
-    """Discretise `body` by cells of size h with ppc points per cell and direction, for `steps` equal load steps.
+    """Discretise `body` by cells of size h with ppc points per cell and direction, 2 unless given, for `steps` equal
+    load steps.
 
     `frame` is "updated" or "total"; `domains` of GIMP stay "fixed" or are "stretched" with the points; `law` is
     Hencky's with the material's Poisson's ratio unless given; `alpha` is the part of E0 that the background has, 0 for
-    none. `grid` is the box that the body must not leave; unless given it is the body's and half its longer side all
-    around. The number of steps is part of the discretisation: 8 and 16 are two problems.
+    none. `grid` is the box that the body must not leave, and replaces h; unless given it is the body's and half its
+    longer side all around. `points` replaces the seeded points and ppc. The number of steps is part of the discretisation: 8 and 16 are two problems.
 
     Raises InvalidScene for what is not available in large deformation: plane stress, loads that no point carries, other
-    shape functions than tent, gimp and bspline2; EmptyDomain, LoadOutsideBody, UnsupportedBody as in small strain.
+    shape functions than tent, gimp and bspline2, and an argument that another one leaves without effect; EmptyDomain, LoadOutsideBody, UnsupportedBody as in small strain.
     """
+    if grid is not None and h is None:
+        h = grid.h
+    elif grid is not None or h is None:
+        raise InvalidScene("cells: give their size h or a `grid`, one of the two")
+    if points is not None and ppc is not None:
+        raise InvalidScene(f"{ppc} points per cell beside `points`: give one of the two")
     hx, hy = (float(s) for s in np.broadcast_to(h, 2))
     _refuse(body, shape_function, steps, frame, domains, alpha, law)
     if points is None:
-        nx, ny = np.broadcast_to(ppc, 2)
+        nx, ny = np.broadcast_to(2 if ppc is None else ppc, 2)
         if min(nx, ny) < 1 or not np.issubdtype(nx.dtype, np.integer):
             raise ValueError(f"{ppc} points per cell: give at least one in each direction, a whole number")
         points = seed(body.domain, (hx / nx, hy / ny))

@@ -8,7 +8,8 @@ import numpy as np
 from mpmtop.arrays import Array
 from mpmtop.errors import LoadOutsideBody, NotConverged, PointOutsideGrid, UnsupportedBody
 from mpmtop.large_deformation.model import Model
-from mpmtop.large_deformation.step import TOLERANCE, Increment, State, increment, moved, start
+from mpmtop.large_deformation.newton import TOLERANCE, Increment, increment
+from mpmtop.large_deformation.step import State, moved, start
 
 CARRIES = 1e-6
 """Part of the stiffest point's modulus below which points carry no load: they would leave the body with it."""

@@ -54,7 +54,7 @@ def box(body: Body, h: float) -> Grid:
 
 def points_of(body: Body, h: float, ppc: int, steps: int, method: str, **how: float) -> Model:
     """A cantilever of depth 1 by a method, on cells of side h with ppc x ppc points; `how` goes before the method's."""
-    return discretise(body, h, ppc, steps=steps, grid=box(body, h), **(METHODS[method] | how))
+    return discretise(body, ppc=ppc, steps=steps, grid=box(body, h), **(METHODS[method] | how))
 
 
 def elements_of(body: Body, h: float, order: int = 2) -> LargeModel:

@@ -43,7 +43,7 @@ def cantilever(load: float = 0.06, loaded: float = 2.0) -> Body:
 def model(method: dict, *, load: float = 0.06, steps: int = 8, law: Law | None = None) -> Model:
     """The prototype's cantilever by a method: 200 points."""
     box = Grid((-8.0, -20.0), (2.0, 2.0), (20, 23))
-    return discretise(cantilever(load), 2.0, 2, steps=steps, law=law, grid=box, **method)
+    return discretise(cantilever(load), steps=steps, law=law, grid=box, **method)
 
 
 def moduli() -> np.ndarray:
@@ -62,4 +62,4 @@ def ample(shape_function: ShapeFunction) -> Model:
     body = Body(Rectangle((0, 9), (10, 10)), supports, (load,), Material(12e6, 0.2))
     box = Grid((-0.5, 0.0), (0.5, 0.5), (23, 20))
     domains = "stretched" if shape_function is gimp else "fixed"
-    return discretise(body, 0.5, 4, shape_function, steps=6, domains=domains, alpha=0.0, grid=box)
+    return discretise(body, None, 4, shape_function, steps=6, domains=domains, alpha=0.0, grid=box)

@@ -27,7 +27,7 @@ DESIGN = Design(volume_fraction=0.5, filter_radius=3.0, passive_solid=Rectangle(
 def problem(objective: PathObjective | None = None, **how: object) -> LoadStepProblem:
     """The cantilever, solid at its tip, under a load that moves the tip by a tenth of the length at first."""
     box = Grid((-8.0, -20.0), (2.0, 2.0), (20, 23))
-    model = discretise(cantilever(4e-3), 2.0, 2, gimp, **({"steps": 2, "grid": box} | how))  # type: ignore[arg-type]
+    model = discretise(cantilever(4e-3), **({"steps": 2, "grid": box} | how))  # type: ignore[arg-type]
     return LoadStepProblem(model, DESIGN, objective or EndCompliance())
 
 

@@ -41,7 +41,7 @@ def block(method: str) -> Model:
     domain, held = Rectangle((0.0, 0.0), (float(SIZE), float(SIZE))), Support(Rectangle((0.0, 0.0), (0.0, 0.0)))
     body = Body(domain, (held,), (RegionLoad(domain, (0.0, -1.0)),))
     grid = Grid((-BOX, -BOX), (1.0, 1.0), (2 * BOX, 2 * BOX))
-    return discretise(body, 1.0, grid=grid, **(METHODS[method] | {"alpha": 0.0}))
+    return discretise(body, grid=grid, **(METHODS[method] | {"alpha": 0.0}))
 
 
 def reached(model: Model, F: Array) -> State:

@@ -35,7 +35,7 @@ def short(load: float = 0.06) -> Body:
 def short_model(method: str, steps: int = STEPS) -> Model:
     """It on cells of side 2 with 2 x 2 points each: 200 points."""
     box = Grid((-8.0, -20.0), (2.0, 2.0), (20, 23))
-    return discretise(short(), 2.0, 2, steps=steps, grid=box, **METHODS[method])
+    return discretise(short(), steps=steps, grid=box, **METHODS[method])
 
 
 def moduli(model: Model) -> tuple[Array, Array]:
@@ -112,7 +112,7 @@ def _loss(objective: PathObjective, model: Model, path: Trajectory) -> float:
 def cost() -> tuple[dict[str, float], int]:
     """CPU seconds of load steps, gradient and one linear analysis, 800 points by GIMP; and Newton steps in all."""
     box = Grid((-8.0, -20.0), (1.0, 1.0), (40, 46))
-    model = discretise(short(), 1.0, 2, steps=STEPS, grid=box, **METHODS[GIMP])
+    model = discretise(short(), steps=STEPS, grid=box, **METHODS[GIMP])
     small = discretise_small(short(), 1.0, 2, shape_function=gimp)
     E = moduli(model)[0]
     path = trajectory(model, E)
