@@ -107,9 +107,7 @@ class Assembly:
         return sp.csc_array(below + sp.tril(below, -1).T)
 
 
-def assembly(
-    grid: Grid, used: Stencils, width: int, unknown: Index, sign: Array, soft: sp.csr_array
-) -> Assembly:
+def assembly(grid: Grid, used: Stencils, width: int, unknown: Index, sign: Array, soft: sp.csr_array) -> Assembly:
     """Assembly for stencils of `width` nodes along each axis, on the m unknowns of a step: degree of freedom d of the
     box is sign[d] times unknown[d], or not at all where that is -1; `soft` (m, m) is what the points do not give."""
     k = np.arange(width)

@@ -123,10 +123,12 @@ def discretise(
     `frame` is "updated" or "total"; `domains` of GIMP stay "fixed" or are "stretched" with the points; `law` is
     Hencky's with the material's Poisson's ratio unless given; `alpha` is the part of E0 that the background has, 0 for
     none. `grid` is the box that the body must not leave, and replaces h; unless given it is the body's and half its
-    longer side all around. `points` replaces the seeded points and ppc. The number of steps is part of the discretisation: 8 and 16 are two problems.
+    longer side all around. `points` replaces the seeded points and ppc. The number of steps is part of the
+    discretisation: 8 and 16 are two problems.
 
     Raises InvalidScene for what is not available in large deformation: plane stress, loads that no point carries, other
-    shape functions than tent, gimp and bspline2, and an argument that another one leaves without effect; EmptyDomain, LoadOutsideBody, UnsupportedBody as in small strain.
+    shape functions than tent, gimp and bspline2; and for an argument that another one leaves without effect.
+    EmptyDomain, LoadOutsideBody, UnsupportedBody as in small strain.
     """
     if grid is not None and h is None:
         h = grid.h

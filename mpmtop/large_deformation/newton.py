@@ -17,7 +17,7 @@ from mpmtop.errors import NotConverged
 from mpmtop.large_deformation.law import Energy, cofactor, first_stress, jacobian, moduli
 from mpmtop.large_deformation.model import Model
 from mpmtop.large_deformation.step import Operators, State, operators
-from mpmtop.solvers import SingularMatrix, Solve
+from mpmtop.solvers import SingularMatrix
 
 TOLERANCE = 1e-11
 """Of |R| against the applied forces and reactions. Newton is quadratic there: the next step would be at rounding."""
@@ -170,7 +170,7 @@ def _solved(F: Array, b: Array) -> Array:
 
 
 def _change(F: Array, A: Array, dF: Array, S: Array) -> Array:
-    """dS (p, 2, 2) of a change dF by moduli A (p, 4, 4) with the stress S in their geometric part: A dF = F dS + dF S."""
+    """dS (p, 2, 2) of a change dF by moduli A (p, 4, 4), the stress S in their geometric part: A dF = F dS + dF S."""
     return _solved(F, (A @ dF.reshape(-1, 4, 1)).reshape(dF.shape) - dF @ S)
 
 

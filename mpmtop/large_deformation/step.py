@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 
-from mpmtop.arrays import Array, Mask
+from mpmtop.arrays import Array, Index, Mask
 from mpmtop.large_deformation.assembly import Assembly, Stencils, stencils
 from mpmtop.large_deformation.kinematics import Weights, stretched, weights
 from mpmtop.large_deformation.model import Model
@@ -49,7 +49,7 @@ class Operators:
         """(p, nodes): |g_pi|."""
         return self._rows(np.linalg.norm(self.g, axis=2).ravel(), self.N.indices, self.N.indptr)
 
-    def _rows(self, data: Array, column: Array, start: Array) -> sp.csr_array:
+    def _rows(self, data: Array, column: Index, start: Index) -> sp.csr_array:
         return sp.csr_array((data, column, start), shape=(len(start) - 1, len(self.assembly.held) // 2))
 
     def nodal(self, q: Array) -> Array:

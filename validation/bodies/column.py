@@ -108,9 +108,7 @@ def load_steps_error(cells: int, shape_function: ShapeFunction, domains: Domains
     body = column(h)
     body = replace(body, loads=(RegionLoad(body.domain, (0.0, -BASE_STRESS * h)),))
     box = Grid((-h, -h), (h, h), (3, cells + 2))
-    model = large.discretise(
-        body, shape_function=shape_function, steps=steps, domains=domains, alpha=0.0, grid=box
-    )
+    model = large.discretise(body, shape_function=shape_function, steps=steps, domains=domains, alpha=0.0, grid=box)
     F = trajectory(model, np.full(len(model.points.x), YOUNG)).states[-1].F
     cauchy = YOUNG * kirchhoff(stress(model.law, F), F)[:, 1, 1] / jacobian(F)
     exact = -BASE_STRESS * (1 - model.points.x[:, 1] / LENGTH)

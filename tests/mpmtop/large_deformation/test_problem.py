@@ -15,7 +15,7 @@ from mpmtop.large_deformation.objectives import EndCompliance, EndStress, PathCo
 from mpmtop.large_deformation.problem import LoadStepProblem
 from mpmtop.optimizers import GCMMA, optimize
 from mpmtop.region import Rectangle
-from mpmtop.shape_functions import gimp, tent
+from mpmtop.shape_functions import tent
 from tests.mpmtop.large_deformation.cases import cantilever
 
 OBJECTIVES: tuple[PathObjective, ...] = (EndCompliance(), PathCompliance(), EndStress(8.0, 0.5))

@@ -14,8 +14,8 @@ from mpmtop.grid import Grid
 from mpmtop.large_deformation.kinematics import WIDEST
 from mpmtop.large_deformation.law import Hencky, NeoHookean, jacobian, stress, tangent
 from mpmtop.large_deformation.model import discretise
-from mpmtop.large_deformation.objectives import EndCompliance
 from mpmtop.large_deformation.newton import Failure, Problem, newton
+from mpmtop.large_deformation.objectives import EndCompliance
 from mpmtop.large_deformation.step import moved, operators, start
 from mpmtop.large_deformation.steps import load_steps, trajectory
 from mpmtop.loads import PositionLoad, RegionLoad
@@ -42,7 +42,9 @@ def test_tangent_is_the_derivative_of_the_residual_and_symmetric(method: str) ->
     assert trial is not None and stepped is not None
     K = ops.assembly.full(problem.tangent(tangent(body.law, trial.F)[1]))
     np.testing.assert_allclose(K @ dq, stepped.R.imag / 1e-30, rtol=1e-10, atol=1e-12)
-    np.testing.assert_allclose(K @ ops.assembly.factor(problem.tangent(tangent(body.law, trial.F)[1]))(dq), dq, atol=1e-9)
+    np.testing.assert_allclose(
+        K @ ops.assembly.factor(problem.tangent(tangent(body.law, trial.F)[1]))(dq), dq, atol=1e-9
+    )
     lower, upper = (problem.energy(problem.trial(q + h * dq)) for h in (-1e-5, 1e-5))  # type: ignore[arg-type]
     assert (upper - lower) / 2e-5 == pytest.approx(trial.R @ dq, rel=1e-6)
 
@@ -150,8 +152,8 @@ def test_background_changes_little() -> None:
 
 
 def test_where_newton_fails_a_descent_finds_the_branch_of_small_steps() -> None:
-    """One step of a load that turns the tip down: full Newton steps invert points. In the total frame the answer does not
-    depend on the steps."""
+    """One step of a load that turns the tip down: full Newton steps invert points. In the total frame the answer does
+    not depend on the steps."""
     body = model(METHODS["total"], load=1.2, steps=1)
     ops = operators(body, start(body))
     problem = partial(Problem, body, ops, start(body).F, np.ones(200), tol=1e-11)
