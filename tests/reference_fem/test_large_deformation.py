@@ -48,7 +48,7 @@ def test_points_at_gauss_points_are_the_bilinear_element(law: Law, principal: Pr
     scene = cantilever(0.15)
     points = to_gauss_points(seed(scene.domain, (1.0, 1.0)))
     how = {"steps": 6, "frame": "total", "alpha": 0.0, "law": law, "grid": Grid((0, 0), (2, 2), (10, 5))}
-    body = discretise_points(scene, 2.0, 2, tent, points=points, **how)  # type: ignore[arg-type]
+    body = discretise_points(scene, shape_function=tent, points=points, **how)  # type: ignore[arg-type]
     rng = np.random.default_rng(0)
     moduli = rng.uniform(0.3, 1, 50)  # of the elements
     element = np.ravel_multi_index((points.x // 2).astype(int).T, (10, 5))
