@@ -4,9 +4,11 @@ What is stated, of either solver:
     region          Rectangle, Circle, Polygon, HalfPlane, LevelSet, Union, Intersection, Difference
     loads           PointLoad, RegionLoad, PositionLoad
     body            Body(domain, supports, loads, material), Support, Material
-    design          Design(volume_fraction, filter_radius, penal, contrast, rho_min, passive_solid, passive_void)
-    criteria        Compliance, PNormStress
-    scene           Scene(name, body, design, objective)
+    design          Design(volume_fraction, filter_radius, penal, contrast, rho_min, passive_solid, passive_void, ...),
+                    Projection, Mirror: the last two of its fields
+    criteria        Compliance, PNormStress, Volume, Displacement; AtMost, AtLeast, Worst;
+                    one's own: from a Response, a Sensitivity
+    scene           Scene(name, body, design, objective, constraints, cases), LoadCase
     errors          InvalidScene and the others: what cannot be answered, and what to change
 
 How a body is discretised:
@@ -18,8 +20,10 @@ How a body is discretised:
     diagnose        what misleads about a body: glued gaps, near-mechanisms, points on grid lines
 
 How a design is optimised:
-    problem         design_problem(scene, h, ppc, shape_function) -> DesignProblem; plan(problem) says what is skipped
-    objectives, filter, variables                                  value and derivatives; from design to density
+    problem         design_problem(scene, h, ppc, shape_function) -> DesignProblem; cases, fingerprint
+    planning        plan(problem) says what is computed, shared and skipped
+    objectives      value and derivatives of criteria
+    filter, projection, symmetry, variables                        from design to density
     optimizers      optimize(problem, rule), GCMMA, MMA, OptimalityCriteria, continuation
 
 What is shown:
@@ -42,9 +46,18 @@ if TYPE_CHECKING:
     from mpmtop.body import Body as Body
     from mpmtop.body import Material as Material
     from mpmtop.body import Support as Support
+    from mpmtop.criteria import AtLeast as AtLeast
+    from mpmtop.criteria import AtMost as AtMost
     from mpmtop.criteria import Compliance as Compliance
+    from mpmtop.criteria import Displacement as Displacement
     from mpmtop.criteria import PNormStress as PNormStress
+    from mpmtop.criteria import Response as Response
+    from mpmtop.criteria import Sensitivity as Sensitivity
+    from mpmtop.criteria import Volume as Volume
+    from mpmtop.criteria import Worst as Worst
     from mpmtop.design import Design as Design
+    from mpmtop.design import Mirror as Mirror
+    from mpmtop.design import Projection as Projection
     from mpmtop.loads import PointLoad as PointLoad
     from mpmtop.loads import PositionLoad as PositionLoad
     from mpmtop.loads import RegionLoad as RegionLoad
@@ -54,11 +67,11 @@ if TYPE_CHECKING:
     from mpmtop.optimizers import OptimalityCriteria as OptimalityCriteria
     from mpmtop.optimizers import continuation as continuation
     from mpmtop.optimizers import optimize as optimize
+    from mpmtop.planning import plan as plan
     from mpmtop.points import MaterialPoints as MaterialPoints
     from mpmtop.points import seed as seed
     from mpmtop.problem import DesignProblem as DesignProblem
     from mpmtop.problem import design_problem as design_problem
-    from mpmtop.problem import plan as plan
     from mpmtop.region import Circle as Circle
     from mpmtop.region import Difference as Difference
     from mpmtop.region import HalfPlane as HalfPlane
@@ -67,6 +80,7 @@ if TYPE_CHECKING:
     from mpmtop.region import Polygon as Polygon
     from mpmtop.region import Rectangle as Rectangle
     from mpmtop.region import Union as Union
+    from mpmtop.scene import LoadCase as LoadCase
     from mpmtop.scene import Scene as Scene
     from mpmtop.shape_functions import bspline2 as bspline2
     from mpmtop.shape_functions import bspline3 as bspline3
@@ -77,18 +91,22 @@ __version__ = "0.1.0"
 
 _FROM = {
     "body": ("Body", "Material", "Support"),
-    "design": ("Design",),
+    "design": ("Design", "Mirror", "Projection"),
     "loads": ("PointLoad", "PositionLoad", "RegionLoad"),
     "model": ("discretise",),
     "optimizers": ("GCMMA", "MMA", "OptimalityCriteria", "continuation", "optimize"),
     "points": ("MaterialPoints", "seed"),
-    "problem": ("DesignProblem", "design_problem", "plan"),
+    "planning": ("plan",),
+    "problem": ("DesignProblem", "design_problem"),
     "region": (
         *("Circle", "Difference", "HalfPlane", "Intersection"),
         *("LevelSet", "Polygon", "Rectangle", "Union"),
     ),
-    "criteria": ("Compliance", "PNormStress"),
-    "scene": ("Scene",),
+    "criteria": (
+        *("AtLeast", "AtMost", "Compliance", "Displacement", "PNormStress", "Response"),
+        *("Sensitivity", "Volume", "Worst"),
+    ),
+    "scene": ("LoadCase", "Scene"),
     "shape_functions": ("bspline2", "bspline3", "gimp", "tent"),
 }
 _HOME = {name: module for module, names in _FROM.items() for name in names}

@@ -41,11 +41,18 @@ class Equilibrium:
 
 
 def equilibrium(
-    model: Model, moduli: Array, *, f_ext: Array | None = None, tol: float | None = None, max_solves: int = 3
+    model: Model,
+    moduli: Array,
+    *,
+    f_ext: Array | None = None,
+    tol: float | None = None,
+    max_solves: int = 3,
+    factored: Solve | None = None,
 ) -> Equilibrium:
     """u with |R| <= tol |f_ext|, R = f_ext - f_int(u) over the free degrees of freedom, for Young's moduli (p,).
 
-    `f_ext` (2a,) replaces the nodal forces of the body's loads, for a body force or whatever else no load says. One
+    `f_ext` (2a,) replaces the nodal forces of the body's loads, for a body force or whatever else no load says;
+    `factored` is the `tangent` for these moduli, where another load has it already. One
     solve is enough but for rounding; any further one is a step of iterative refinement with the same factorisation, see
     `checked_solve`, also for `tol` and what it raises. Raises UnsupportedBody if K is singular, naming the node and the
     island it belongs to, and InvalidScene without any load. A model's first analysis warns of a NearMechanism if the
@@ -58,7 +65,7 @@ def equilibrium(
             raise InvalidScene("the body has no load: add one, or give the nodal forces `f_ext`")
         f_ext = model.f_ext
     tol = model.solver.tolerance if tol is None else tol
-    solve = tangent(model, moduli, tol)
+    solve = tangent(model, moduli, tol) if factored is None else factored
     found = checked_solve(model, moduli, solve, f_ext, tol=tol, max_solves=max_solves)
     if model not in _ANALYSED:
         _ANALYSED.add(model)

@@ -1,9 +1,10 @@
 """Model: a body on a grid with material points, its loads and supports, and the operators made of them."""
 
 import warnings
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -59,7 +60,11 @@ class Model:
     @cached_property
     def f_ext(self) -> Array:
         """Nodal forces (2a,) of the body's loads, held degrees of freedom included."""
-        return external_force(self.body.loads, self.grid, self.points, self.shape_function, self.ends, self.transfer)
+        return self.force_of(self.body.loads)
+
+    def force_of(self, loads: Iterable[Load]) -> Array:
+        """Nodal forces (2a,) of any loads, held degrees of freedom included."""
+        return external_force(loads, self.grid, self.points, self.shape_function, self.ends, self.transfer)
 
     def at(self, x: Array, half_length: Array | float = 0.0) -> Functions:
         """The functions at positions x (k, 2) of the body, as at points with domains of `half_length` (k, 2) there.
@@ -135,16 +140,41 @@ def discretise(
         weighted = with_mean_dilatation(grid, points, weighted)
     held = held_dofs(body.supports, grid.node_positions(weighted.nodes), 1e-9 * min(grid.h))
     K = stiffness(grid, points, weighted, tangent(body.material), held, penalty)
-    node, component = np.divmod(K.dof, 2)
-    lines = np.stack(np.divmod(weighted.nodes[node], grid.nodes[1]), axis=-1)
-    chosen = solver(Pattern(len(K.dof), K.row, K.col, Lattice(grid.h, lines, component)))
+    chosen = solver(_pattern(grid, weighted, K))
     model = Model(body, grid, points, shape_function, ends, weighted, penalty, K, chosen, found)
     if body.loads:
-        forces = action(body.loads, points.x, points.volume, 1e-9 * min(grid.h)).places(points.x)[1]
-        check_work(model.f_ext[K.dof], forces)
+        check_loads(model)
     for finding in found:
         warnings.warn(finding, stacklevel=2)
     return model
+
+
+def check_loads(model: Model) -> None:
+    """LoadOutsideBody if the body's loads do no work."""
+    points = model.points
+    acts = action(model.body.loads, points.x, points.volume, 1e-9 * min(model.grid.h))
+    check_work(model.f_ext[model.stiffness.dof], acts.places(points.x)[1])
+
+
+def held_otherwise(models: Sequence[Model], body: Body) -> Model:
+    """A model of a body that differs in loads and supports from those that there are: with the stiffness of the first
+    that is held in the same degrees of freedom, or one of its own."""
+    model = models[0]
+    held = held_dofs(body.supports, model.grid.node_positions(model.transfer.nodes), 1e-9 * min(model.grid.h))
+    free = np.flatnonzero(~held)
+    for alike in models:
+        if np.array_equal(free, np.sort(alike.stiffness.dof)):
+            return replace(alike, body=body)
+    K = stiffness(model.grid, model.points, model.transfer, model.D, held, model.ghost)
+    solver: Any = model.solver  # all are dataclasses
+    again = replace(solver, pattern=_pattern(model.grid, model.transfer, K))
+    return replace(model, body=body, stiffness=K, solver=again)
+
+
+def _pattern(grid: Grid, weighted: Transfer, K: Stiffness) -> Pattern:
+    node, component = np.divmod(K.dof, 2)
+    lines = np.stack(np.divmod(weighted.nodes[node], grid.nodes[1]), axis=-1)
+    return Pattern(len(K.dof), K.row, K.col, Lattice(grid.h, lines, component))
 
 
 def external_force(

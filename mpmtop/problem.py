@@ -1,49 +1,81 @@
-"""The optimisation problem of Eq. (8) on a model: design -> filter -> SIMP -> equilibrium -> objective."""
+"""The optimisation problem of Eq. (8) on a model: design -> filter -> SIMP -> equilibrium -> criteria."""
 
 import hashlib
-from dataclasses import astuple, dataclass, field
+from collections.abc import Iterable
+from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
-import scipy.sparse as sp
 
 from mpmtop.arrays import Array
-from mpmtop.criteria import Compliance, PNormStress, finite_gradient
+from mpmtop.cases import case_models, states
+from mpmtop.criteria import AtMost, Compliance, Criterion, Displacement, Worst, finite_gradient
 from mpmtop.design import Design, physical_densities
-from mpmtop.equilibrium import Equilibrium, adjoint, equilibrium, moduli_gradient
+from mpmtop.equilibrium import Equilibrium, adjoint, moduli_gradient
 from mpmtop.errors import LoadOutsideBody
+from mpmtop.fingerprint import digits, words
 from mpmtop.material import simp
 from mpmtop.model import Model, discretise
 from mpmtop.objectives import Objective, objective
 from mpmtop.points import MaterialPoints
-from mpmtop.scene import Scene, check_together
+from mpmtop.scene import LoadCase, Scene, check_together
 from mpmtop.shape_functions import ShapeFunction, tent
-from mpmtop.solvers import MAX_ITERATIONS, MultigridCG
-from mpmtop.stiffness import CellMap
 from mpmtop.variables import DesignVariables
 
 
 @dataclass(frozen=True, eq=False)
 class Evaluation:
-    """Objective and constraints g <= 0 (1,) of one design, with its physical densities and its state."""
+    """Objective and constraints g <= 0 (m,) of one design, with its physical densities and its state in each load case.
 
-    objective: float
+    The objective is the largest of `objectives` (k,), of which there is one, or one for each case under `Worst`.
+    `filtered` (p,) are the densities before a projection, None where the densities come from no design.
+    """
+
+    objectives: Array
     constraints: Array
     rho: Array
-    state: Equilibrium
+    states: tuple[Equilibrium, ...]
+    filtered: Array | None = None
+
+    @property
+    def objective(self) -> float:
+        """J."""
+        return float(np.max(self.objectives))
+
+    @property
+    def state(self) -> Equilibrium:
+        """The state, in the first load case."""
+        return self.states[0]
 
     @property
     def u(self) -> Array:
-        """Nodal displacements (2a,)."""
+        """Nodal displacements (2a,), in the first load case."""
         return self.state.u
+
+
+class Term(NamedTuple):
+    """A part of an objective or a constraint: factor J(state of a case)."""
+
+    factor: float
+    functional: Objective
+    case: int
+
+
+class Sum(NamedTuple):
+    """An objective, or a constraint: the sum of its terms less `bound`; `criterion` is what they are of."""
+
+    criterion: Criterion
+    terms: tuple[Term, ...]
+    bound: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
 class DesignProblem(DesignVariables):
-    """Minimise `objective` subject to sum V_p rho_p <= V* sum V_p over one variable of the `design` for each point.
+    """Minimise `objective` subject to sum V_p rho_p <= V* sum V_p and `constraints`, over one variable of the `design`
+    for each point, in one load case or several `cases`; see `Scene` for what these are.
 
-    An iterative solver is held to its own tolerance, or to the objective's where that is tighter.
+    An iterative solver is held to its own tolerance, or to the criteria's where that is tighter.
 
     The filter measures distances on the design grid: `design_grid`, or the model's points where they have not been
     moved off it. There, too, points are in the design's passive regions or not. Those that are have density 1 or 0 and
@@ -55,12 +87,14 @@ class DesignProblem(DesignVariables):
 
     model: Model
     design: Design
-    objective: Compliance | PNormStress = field(default_factory=Compliance)
+    objective: Criterion | Worst = field(default_factory=Compliance)
     design_grid: MaterialPoints | None = None
     filter_passive: bool = False
+    constraints: tuple[AtMost, ...] = ()
+    cases: tuple[LoadCase, ...] = ()
 
     def __post_init__(self) -> None:
-        check_together(self.model.body, self.design, self.objective)
+        check_together(self.model.body, self.design, self.objective, self.constraints, self.cases)
         if self.design_grid is not None and len(self.design_grid.x) != len(self.model.points.x):
             raise ValueError(
                 f"design grid of {len(self.design_grid.x)} points for a model of {len(self.model.points.x)}: "
@@ -68,11 +102,12 @@ class DesignProblem(DesignVariables):
             )
         if not self.space.all_active:
             self._check_passive()
+        _ = self.models, self.filter.matrix if self.design.symmetry else None  # what cannot be made is said now
 
     def _check_passive(self) -> None:
         self.check_feasible()
         void, points = np.flatnonzero(self.space.void), self.model.points
-        for load in self.model.body.loads:
+        for load in (*self.model.body.loads, *(load for case in self.cases for load in case.loads)):
             if np.any(np.isin(load.act(points.x, points.volume, 1e-9 * min(self.model.grid.h)).points, void)):
                 raise LoadOutsideBody(f"passive void would carry a part of {load}: move it, or lower its `points`")
 
@@ -87,28 +122,86 @@ class DesignProblem(DesignVariables):
         return self.model.points.volume
 
     @cached_property
+    def models(self) -> tuple[Model, ...]:
+        """The model in each load case."""
+        return case_models(self.model, self.cases)
+
+    @cached_property
     def functional(self) -> Objective:
-        """Value and derivatives of the objective."""
-        return objective(self.objective)
+        """Value and derivatives of what the objective is made of."""
+        return self._functional(self.objective.criterion if isinstance(self.objective, Worst) else self.objective)
+
+    def _functional(self, criterion: Criterion) -> Objective:
+        return objective(criterion, self.model, self.volume_weight * self.design.volume_fraction)
+
+    @cached_property
+    def _objectives(self) -> tuple[Sum, ...]:
+        weights = [case.weight for case in self.cases] or [1.0]
+        terms = [Term(weight, self.functional, k) for k, weight in enumerate(weights)]
+        if isinstance(self.objective, Worst):
+            return tuple(Sum(self.objective.criterion, (term,)) for term in terms if term.factor > 0)
+        if not self.functional.of_state:
+            terms = [Term(1.0, self.functional, 0)]
+        return (Sum(self.objective, tuple(term for term in terms if term.factor > 0)),)
+
+    @cached_property
+    def _constraints(self) -> tuple[Sum, ...]:
+        """All but that of the volume fraction."""
+        found = []
+        for stated in self.constraints:
+            functional = self._functional(stated.criterion)
+            in_cases = range(len(self.models) if functional.of_state else 1) if stated.case is None else [stated.case]
+            bound = stated.factor * stated.bound
+            found += [Sum(stated.criterion, (Term(stated.factor, functional, k),), bound) for k in in_cases]
+        return tuple(found)
+
+    @property
+    def functionals(self) -> list[Objective]:
+        """All that the problem's criteria are made of."""
+        return [term.functional for each in (*self._objectives, *self._constraints) for term in each.terms]
+
+    @property
+    def others(self) -> int:
+        """Number of constraints beside that of the volume fraction."""
+        return len(self._constraints)
+
+    @property
+    def limits_volume(self) -> bool:
+        """Whether the volume fraction is a constraint, the first one; not one that no design exceeds, beside others."""
+        return self.design.volume_fraction < 1 or not self.constraints
 
     @property
     def fingerprint(self) -> str:
         """Hash of all numbers that an iterate depends on: a checkpoint fits a problem of the same ones only.
 
-        They are taken before any BLAS or Fourier transform, and to 24 binary digits, see `_digits`: what depends on the
+        They are taken before any BLAS or Fourier transform, and to 24 binary digits, see `digits`: what depends on the
         processor is not among them.
         """
         model, design, grid_points, space = self.model, self.design, self.grid_points, self.space
         law = (model.body.material.young, design.penal, design.contrast, design.volume_fraction, design.rho_min)
-        sought = (word if isinstance(word, str) else float(word) for word in astuple(self.objective))
-        said = (type(self.objective).__name__, *sought, *map(float, law), float(design.filter_radius))
         passive = None if space.all_active else self.filter_passive
-        digest = hashlib.sha256(repr((*said, passive)).encode())
+        said = (
+            *(
+                words(self.objective),
+                *map(words, self.constraints),
+                words(design.projection),
+                words(design.symmetry),
+                passive,
+            ),
+            *(*map(float, law), float(design.filter_radius), *(float(case.weight) for case in self.cases)),
+        )
+        digest = hashlib.sha256(repr(said).encode())
         transfer, ghost = model.transfer, model.ghost
         touched = transfer.touched
         sparse = ghost.jump, ghost.modulus
         whole = (
-            *(touched.sum(axis=1), transfer.stencil[touched], np.sort(model.stiffness.dof), space.solid, space.void),
+            *(
+                touched.sum(axis=1),
+                transfer.stencil[touched],
+                *(np.sort(case.stiffness.dof) for case in self.models),
+                space.solid,
+                space.void,
+            ),
             *(index for matrix in sparse for index in (matrix.indices, matrix.indptr)),
         )
         computed = (
@@ -116,49 +209,77 @@ class DesignProblem(DesignVariables):
             *(model.grid.cell_coordinates(grid_points.x), grid_points.volume),
             *(() if transfer.b_bar is None else (transfer.b_bar[touched],)),
             *(matrix.data for matrix in sparse),
+            *(force for case in self.models[1:] for force in (case.f_ext,)),
+            *(model.force_of((each.unit_load,)) for each in self._displacements),
         )
-        for array in (*whole, *map(_digits, computed)):
+        for array in (*whole, *map(digits, computed)):
             digest.update(np.ascontiguousarray(array, np.int64).tobytes())
         return digest.hexdigest()
 
+    @property
+    def _displacements(self) -> list[Displacement]:
+        sums = (*self._objectives, *self._constraints)
+        return [each.criterion for each in sums if isinstance(each.criterion, Displacement)]
+
     def analyse(self, rho: Array) -> Evaluation:
-        """Evaluate physical densities rho (p,) in [0, 1], of whatever origin, at passive points, too: one solve."""
+        """Evaluate physical densities rho (p,) in [0, 1], of whatever origin, at passive points, too."""
+        return self._analyse(rho, None)
+
+    def _analyse(self, rho: Array, filtered: Array | None) -> Evaluation:
         rho = physical_densities(rho, len(self.model.points.volume), "point")
         moduli = self.model.body.material.young * simp(rho, self.design.penal, self.design.contrast)[0]
-        state = equilibrium(self.model, moduli, tol=min(self.model.solver.tolerance, self.functional.tolerance))
-        constraints = np.array([self.volume_weight @ rho - 1])
-        return Evaluation(self.functional.value(self.model, state, rho), constraints, rho, state)
+        tol = min(self.model.solver.tolerance, *(functional.tolerance for functional in self.functionals))
+        found = states(self.models, moduli, tol)
+        objectives, others = (
+            [self._value(each, found, rho) for each in sums] for sums in (self._objectives, self._constraints)
+        )
+        volume = [self.volume_weight @ rho - 1] if self.limits_volume else []
+        return Evaluation(np.array(objectives), np.array([*volume, *others]), rho, found, filtered)
 
-    def evaluate(self, design: Array) -> Evaluation:
-        """Value only, of a design (a,): one solve."""
-        return self.analyse(self.filter(design))
+    def _value(self, of: Sum, found: tuple[Equilibrium, ...], rho: Array) -> float:
+        terms = (
+            each.factor * each.functional.value(self.models[each.case], found[each.case], rho) for each in of.terms
+        )
+        return sum(terms, start=0.0) - of.bound
+
+    def evaluate(self, x: Array) -> Evaluation:
+        """Value only, of a design (n,): one factorisation for all cases on the same supports, one solve for each."""
+        filtered = self.filter(x)
+        return self._analyse(self.densities(filtered), filtered)
 
     def gradient(self, evaluation: Evaluation) -> tuple[Array, Array]:
-        """dJ/ddesign (a,) and dg/ddesign (1, a) of an evaluation, with its factorisation.
+        """dJ/dx (n,), or (k, n) of k objectives, and dg/dx (m, n) of an evaluation, with its factorisations.
 
         Raises InvalidScene where a p-norm of q p < 1 has none: a design of zeros over the reach of the filter.
         """
-        d_rho = self.density_gradient(evaluation)
-        return finite_gradient(self.filter.adjoint(d_rho), self.objective), self.volume_gradient
+        objectives, others = (
+            [finite_gradient(self._by_design(each, evaluation), each.criterion) for each in sums]
+            for sums in (self._objectives, self._constraints)
+        )
+        volume = [self.volume_gradient(evaluation.filtered)] if self.limits_volume else []
+        dg = volume[0] if volume and not others else np.concatenate([*volume, *(other[None] for other in others)])
+        return objectives[0] if len(objectives) == 1 else np.stack(objectives), dg
+
+    def _by_design(self, of: Sum, evaluation: Evaluation) -> Array:
+        return self.pull_back(evaluation.filtered, self._by_density(of.terms, evaluation))
 
     def density_gradient(self, evaluation: Evaluation) -> Array:
-        """dJ/drho (p,), by the physical densities; from above at zero, where a p-norm's may be infinite."""
-        model, state, rho = self.model, evaluation.state, evaluation.rho
-        by = self.functional.derivative(model, state, rho)
-        by_moduli = moduli_gradient(model, state, adjoint(model, state, by))
+        """dJ/drho (p,), by the physical densities; from above at zero, where a p-norm's may be infinite. Of several
+        objectives, that of the largest."""
+        return self._by_density(self._objectives[int(np.argmax(evaluation.objectives))].terms, evaluation)
+
+    def _by_density(self, terms: Iterable[Term], evaluation: Evaluation) -> Array:
+        rho = evaluation.rho
+        explicit, by_moduli = np.zeros_like(rho), np.zeros_like(rho)
+        for factor, functional, case in terms:
+            model, state = self.models[case], evaluation.states[case]
+            by = functional.derivative(model, state, rho)
+            if by.rho is not None:
+                explicit = explicit + factor * by.rho
+            if functional.of_state:
+                by_moduli = by_moduli + factor * moduli_gradient(model, state, adjoint(model, state, by))
         slope = simp(rho, self.design.penal, self.design.contrast)[1]
-        by_rho = by_moduli * model.body.material.young * slope
-        return by_rho if by.rho is None else by.rho + by_rho
-
-
-def _digits(numbers: Array) -> Array:
-    """Integers that tell numbers apart to 2^-24 of the largest one, and that one's exponent; not their last bits.
-
-    The exponent is that of a number larger by 1e-9, so that a power of two and a bit less have the same.
-    """
-    largest = float(np.max(np.abs(numbers), initial=0.0))
-    exponent = int(np.frexp(largest * (1 + 1e-9))[1])
-    return np.append(np.rint(np.ldexp(numbers.ravel(), 24 - exponent)), exponent)
+        return explicit + by_moduli * self.model.body.material.young * slope
 
 
 def design_problem(
@@ -173,62 +294,6 @@ def design_problem(
 ) -> DesignProblem:
     """The scene's problem on cells of size h with ppc points per cell and direction; `how` as for `discretise`."""
     model = discretise(scene.body, h, ppc, shape_function, **how)
-    return DesignProblem(model, scene.design, scene.objective, design_grid, filter_passive)
-
-
-def plan(problem: DesignProblem) -> str:
-    """What an analysis of the problem computes and what it skips, and why: one line each, to print."""
-    model = problem.model
-    total, active = int(np.prod(model.grid.nodes)), len(model.transfer.nodes)
-    held = 2 * active - len(model.stiffness.dof)
-    touched = np.count_nonzero(model.transfer.touched, axis=1)
-    p = len(touched)
-    space = problem.space
-    passive = f"{np.count_nonzero(space.solid)} are passive solid, {np.count_nonzero(space.void)} passive void"
-    lines = [
-        f"design variables: {len(space.active)} of {p} points; {'none is passive' if space.all_active else passive}",
-        f"nodes: {active} of {total} get degrees of freedom; no point touches the others",
-        f"unknowns: {len(model.stiffness.dof)}; {held} degrees of freedom are held and never assembled",
-        f"stencil ({model.shape_function.__name__}): {np.mean(touched):.2f} nodes for a point on average; "
-        f"{np.count_nonzero(touched <= 4)} of {p} points need no more than the 4 of their own cell",
-        f"dilatation: {'of each point' if model.transfer.b_bar is None else 'averaged over each cell (B-bar)'}",
-        f"ghost faces: {_ghost_plan(model)}",
-        f"stiffness: {len(model.stiffness.row)} entries of the lower triangle, {_stiffness_plan(model)}",
-        f"solver: {_solver_plan(model)}",
-        "solves: one for a design, and one more for each step of iterative refinement where rounding calls for it",
-        "adjoint solve: one, with the factorisation of the state"
-        if problem.functional.of_stress
-        else "adjoint solve: skipped, compliance is self-adjoint",
-        "stresses: at every point" if problem.functional.of_stress else "stresses: skipped, the objective needs none",
-        f"filter: {_filter_plan(problem)}",
-        *(f"warning, {type(finding).__name__}: {finding}" for finding in model.findings),
-    ]
-    return "\n".join(lines)
-
-
-def _ghost_plan(model: Model) -> str:
-    ghost = model.ghost
-    faces = ghost.modulus.shape[0]
-    if ghost.gamma == 0:
-        return "skipped, the ghost penalty is off"
-    if faces == 0:
-        return f"skipped, none of the {ghost.between} between two cells of the body has a cut cell beside it"
-    return f"{faces} of {ghost.between} between two cells of the body have a cut cell beside them"
-
-
-def _solver_plan(model: Model) -> str:
-    if isinstance(model.solver, MultigridCG):
-        return f"MultigridCG, one hierarchy for a design; sparse Cholesky where {MAX_ITERATIONS} iterations do not do"
-    return f"{type(model.solver).__name__}, one factorisation for a design"
-
-
-def _stiffness_plan(model: Model) -> str:
-    part = model.stiffness.maps[0]
-    if isinstance(part, CellMap):
-        return f"by {len(part.place)} cells and {len(part.local)} distinct matrices of points"
-    return "one sparse product each"
-
-
-def _filter_plan(problem: DesignProblem) -> str:
-    matrix = problem.filter.matrix
-    return f"{matrix.nnz} weights, built once" if sp.issparse(matrix) else "a convolution over the lattice of points"
+    return DesignProblem(
+        model, scene.design, scene.objective, design_grid, filter_passive, scene.constraints, scene.cases
+    )

@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 from skfem import CellBasis
 
 from mpmtop.arrays import Array, Index
-from mpmtop.criteria import Compliance, PNormStress
+from mpmtop.criteria import Criterion, PNormStress, Worst
 from mpmtop.design import Design, physical_densities
 from mpmtop.errors import EmptyDomain, InvalidScene, LoadOutsideBody
 from mpmtop.loads import Load, action
@@ -50,7 +50,7 @@ class Judge:
 
     model: FemModel
     design: Design
-    objective: Compliance | PNormStress
+    objective: Criterion | Worst
     owner: Index
     points: int
 

@@ -224,6 +224,10 @@ def design_problem(
     each density as for each material point, or at the Gauss points, averaged in the p-norm; every element counts once,
     whatever its size. Raises as `discretise` and `DesignProblem`.
     """
+    if scene.cases or scene.constraints or not isinstance(scene.objective, Compliance | PNormStress):
+        raise InvalidScene("finite elements know one load case, compliance or p-norm, and the volume constraint")
+    if scene.design.projection is not None or scene.design.symmetry:
+        raise InvalidScene("finite elements know neither projection nor symmetry")
     model = discretise(scene.body, size, order, mesh=mesh)
     return DesignProblem(model, scene.design, scene.objective, stress_at, filter_passive, filtered)
 

@@ -8,6 +8,7 @@ import numpy as np
 from mpmtop.arrays import Array
 from mpmtop.design import Design, physical_densities
 from mpmtop.errors import LoadOutsideBody
+from mpmtop.fingerprint import words
 from mpmtop.large_deformation.model import Model
 from mpmtop.large_deformation.objectives import EndCompliance, PathObjective, gradient
 from mpmtop.large_deformation.steps import Trajectory, trajectory
@@ -18,12 +19,16 @@ from mpmtop.variables import DesignVariables
 
 @dataclass(frozen=True, eq=False)
 class Evaluation:
-    """Objective and constraints g <= 0 (1,) of one design, with its physical densities (p,) and its trajectory."""
+    """Objective and constraints g <= 0 (1,) of one design, with its physical densities (p,) and its trajectory.
+
+    `filtered` (p,) are the densities before a projection, None where they come from no design.
+    """
 
     objective: float
     constraints: Array
     rho: Array
     path: Trajectory
+    filtered: Array | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +66,7 @@ class LoadStepProblem(DesignVariables):
         model, design = self.model, self.design
         how = (model.shape_function.__name__, model.frame, model.domains, model.law, model.steps, model.grid)
         law = (model.young, model.alpha, design.penal, design.contrast, design.volume_fraction, design.rho_min)
-        digest = hashlib.sha256(repr((self.objective, how, *map(float, law))).encode())
+        digest = hashlib.sha256(repr((self.objective, how, words(design.projection), *map(float, law))).encode())
         points = model.points
         arrays = (points.x, points.volume, points.half_length, model.force, model.unknown, model.sign)
         # what the filter makes of a vector of random numbers tells it, matrix or not; and its passive points
@@ -72,17 +77,24 @@ class LoadStepProblem(DesignVariables):
 
     def analyse(self, rho: Array) -> Evaluation:
         """Evaluate physical densities rho (p,) in [0, 1], of whatever origin: one trajectory."""
+        return self._analyse(rho, None)
+
+    def _analyse(self, rho: Array, filtered: Array | None) -> Evaluation:
         rho = physical_densities(rho, len(self.model.points.volume), "point")
         path = trajectory(self.model, self.model.young * simp(rho, self.design.penal, self.design.contrast)[0])
         constraints = np.array([self.volume_weight @ rho - 1])
-        return Evaluation(self.objective.value(self.model, path, rho), constraints, rho, path)
+        return Evaluation(self.objective.value(self.model, path, rho), constraints, rho, path, filtered)
 
     def evaluate(self, design: Array) -> Evaluation:
         """Value only, of a design (a,): one trajectory."""
-        return self.analyse(self.filter(design))
+        filtered = self.filter(design)
+        return self._analyse(self.densities(filtered), filtered)
 
     def gradient(self, evaluation: Evaluation) -> tuple[Array, Array]:
         """dJ/ddesign (a,) and dg/ddesign (1, a) of an evaluation: one sweep back through its steps."""
         by_rho, by_moduli = gradient(self.objective, self.model, evaluation.path, evaluation.rho)
         d_simp = self.model.young * simp(evaluation.rho, self.design.penal, self.design.contrast)[1]
-        return self.filter.adjoint(by_rho + by_moduli * d_simp), self.volume_gradient
+        return (
+            self.pull_back(evaluation.filtered, by_rho + by_moduli * d_simp),
+            self.volume_gradient(evaluation.filtered),
+        )

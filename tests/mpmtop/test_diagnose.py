@@ -16,8 +16,9 @@ from mpmtop.grid import Grid
 from mpmtop.loads import PointLoad, RegionLoad
 from mpmtop.material import Material
 from mpmtop.model import Model, discretise
+from mpmtop.planning import plan
 from mpmtop.points import MaterialPoints, seed
-from mpmtop.problem import DesignProblem, plan
+from mpmtop.problem import DesignProblem
 from mpmtop.region import Circle, Difference, Polygon, Rectangle, Region, Union
 from mpmtop.scene import Scene
 from mpmtop.shape_functions import ShapeFunction, bspline2, bspline3, gimp, tent

@@ -13,7 +13,8 @@ from mpmtop.grid import Grid
 from mpmtop.loads import PointLoad
 from mpmtop.model import Model, discretise
 from mpmtop.objectives import COMPLIANCE, compliance
-from mpmtop.problem import DesignProblem, design_problem, plan
+from mpmtop.planning import plan
+from mpmtop.problem import DesignProblem, design_problem
 from mpmtop.region import Circle, Difference, Rectangle
 from mpmtop.shape_functions import ShapeFunction, bspline2, bspline3, gimp, tent
 from mpmtop.transfer import body_ends, transfer

@@ -10,7 +10,8 @@ from mpmtop.filter import density_filter
 from mpmtop.loads import PointLoad, PositionLoad, RegionLoad
 from mpmtop.model import discretise
 from mpmtop.optimizers import GCMMA, MMA, OptimalityCriteria, UpdateRule, optimize
-from mpmtop.problem import DesignProblem, design_problem, plan
+from mpmtop.planning import plan
+from mpmtop.problem import DesignProblem, design_problem
 from mpmtop.quadtree import quadtree
 from mpmtop.region import Circle, Difference, Rectangle, Region
 from mpmtop.scene import Scene

@@ -10,8 +10,9 @@ from mpmtop.filter import density_filter
 from mpmtop.loads import PointLoad
 from mpmtop.material import simp
 from mpmtop.model import discretise
+from mpmtop.planning import plan
 from mpmtop.points import MaterialPoints
-from mpmtop.problem import DesignProblem, design_problem, plan
+from mpmtop.problem import DesignProblem, design_problem
 from mpmtop.shape_functions import ShapeFunction, bspline3, gimp, tent
 from tests.scenes import SHAPE_FUNCTIONS, cantilever
 

@@ -7,8 +7,9 @@ from mpmtop.equilibrium import adjoint, moduli_gradient
 from mpmtop.filter import DesignSpace, density_filter, passive_filter
 from mpmtop.model import Model, discretise
 from mpmtop.objectives import COMPLIANCE
+from mpmtop.planning import plan
 from mpmtop.points import MaterialPoints, seed
-from mpmtop.problem import design_problem, plan
+from mpmtop.problem import design_problem
 from mpmtop.region import Circle, Difference, Rectangle
 from mpmtop.shape_functions import ShapeFunction, bspline2, gimp, tent
 from mpmtop.solvers import MultigridCG

@@ -194,8 +194,10 @@ def _system(
     F = np.where(unknown[:, None] < 0, 0.0, F)
     by_component = np.arange(3 * len(F)).reshape(-1, 3).T.ravel()
     strain = sp.csr_array(strain[:, dof])[by_component]
-    material = problem.model.body.material
-    return System(material, problem.design, problem.objective, np.maximum(unknown, 0), F, f_ext[dof], strain, matrix)
+    material, objective = problem.model.body.material, problem.objective
+    if not isinstance(objective, Compliance | PNormStress):
+        raise ValueError(f"objective {objective}: this oracle knows Compliance() and PNormStress(p, q)")
+    return System(material, problem.design, objective, np.maximum(unknown, 0), F, f_ext[dof], strain, matrix)
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,7 +14,8 @@ from mpmtop.material import simp
 from mpmtop.model import Model, discretise
 from mpmtop.objectives import COMPLIANCE, compliance
 from mpmtop.optimizers import MMA, optimize
-from mpmtop.problem import DesignProblem, design_problem, plan
+from mpmtop.planning import plan
+from mpmtop.problem import DesignProblem, design_problem
 from mpmtop.region import Circle, Difference, Rectangle
 from mpmtop.shape_functions import bspline2, bspline3, gimp
 from mpmtop.solvers import MAX_ITERATIONS, BandedCholesky, Lattice, MultigridCG, SparseCholesky, multigrid
