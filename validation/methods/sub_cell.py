@@ -87,7 +87,7 @@ class SubCellProblem:
     def analyse(self, rho: Array) -> Evaluation:
         """Evaluate densities (p,) of the parts: one solve."""
         evaluation = self.at_gauss.analyse(np.repeat(rho, PER_PART))
-        return replace(evaluation, objective=self.scale * evaluation.objective, rho=rho)
+        return replace(evaluation, objectives=self.scale * evaluation.objectives, rho=rho)
 
     def evaluate(self, x: Array) -> Evaluation:
         """One analysis of the design x (p,)."""
