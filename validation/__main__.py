@@ -1,5 +1,7 @@
 """`python -m validation diff A B [-o PAGE]`: what moved between the reports in two folders, as a page.
 
+`python -m validation pages [DIR]`: the pages of a report anew from its stores, no study runs.
+
 `python -m validation readme`: the findings of `reports/` into README.md.
 """
 
@@ -12,7 +14,7 @@ from validation.contents import CONTENTS
 from validation.harness.claims import Tally
 from validation.harness.diff import compare
 from validation.harness.overview import DESIGNS, Overview
-from validation.harness.pages import rendered_diff, replace
+from validation.harness.pages import rendered_diff, replace, republish
 from validation.harness.show import number
 from validation.harness.store import read
 
@@ -47,7 +49,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     diff.add_argument("after", type=Path)
     diff.add_argument("-o", "--output", type=Path, default=Path("diff.html"), help="the page (default: diff.html)")
     commands.add_parser("readme", help="write the findings of reports/ into README.md")
+    pages = commands.add_parser("pages", help="write the pages of a report anew from its stores")
+    pages.add_argument("folder", type=Path, nargs="?", default=ROOT / "reports", help="default: reports")
     given = parser.parse_args(arguments)
+    if given.command == "pages":
+        republish(given.folder, CONTENTS)
+        return 0
     if given.command == "readme":
         readme = ROOT / "README.md"
         replace(readme, with_findings(readme.read_text("utf-8"), ROOT / "reports"))

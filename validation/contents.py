@@ -4,8 +4,8 @@ from validation.harness.contents import Contents
 
 CONTENTS = Contents(
     title="Does the material point method change optimised designs?",
-    asked="Topology optimisation by the material point method (MPM) beside finite elements (FEM) on identical scenes, "
-    "every design judged by one fine reference that belongs to none of them.",
+    asked="Topology optimisation by the material point method (MPM) beside finite elements (FEM), every design judged "
+    "by one fine reference.",
     paper="Topology optimization with material point method: investigation into the design sensitivity and the effect "
     "of shape functions",
     details="authors, journal, year and DOI: not in our copy of it",

@@ -5,6 +5,7 @@ sentence are claims under one statement and count once. What else a study checks
 """
 
 import math
+import re
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -97,11 +98,26 @@ class Claim:
 
 
 class Reading(NamedTuple):
-    """A claim, and where it stands."""
+    """A claim, and where it stands: the name of its `row` on its page is for links."""
 
     claim: Claim
     study: str
     test: str
+    row: str = ""
+
+
+def rows_of(test: str, claims: Iterable[str]) -> list[str]:
+    """Names of the rows of claims: the test and the claim's letters and digits, numbered where parameters of a test
+    make several of one name."""
+    rows: list[str] = []
+    for claim in claims:
+        first = row = f"{test}--{re.sub(r'[^a-z0-9]+', '-', claim.lower()).strip('-')}"
+        count = 1
+        while row in rows:
+            count += 1
+            row = f"{first}-{count}"
+        rows.append(row)
+    return rows
 
 
 @dataclass(frozen=True)
@@ -171,3 +187,13 @@ class Tally:
         parts += [f"{results['by reading']} met in one reading and not in another"] * bool(results["by reading"])
         parts += [f"{results['differs']} not met"]
         return f"Of the {self.printed} numbers that the paper prints as results: {', '.join(parts)}."
+
+    def directions(self) -> str:
+        """The paper's comparisons and directions in one sentence."""
+        trends = self.paper["trend"]
+        if not trends.total():
+            return ""
+        parts = [f"{trends['agrees']} hold", f"{trends['by reading']} hold in one reading and not in another"]
+        parts = [parts[0], *parts[1:] * bool(trends["by reading"]), f"{trends['differs']} do not"]
+        parts += [f"{trends['not stated']} say nothing that can be checked"] * bool(trends["not stated"])
+        return f"Of its {trends.total()} comparisons and directions: {', '.join(parts)}."

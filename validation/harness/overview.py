@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import matplotlib as mpl
+import matplotlib.style
 import numpy as np
 from matplotlib.figure import Figure
 from PIL import Image
@@ -15,6 +16,7 @@ from validation.harness.contents import Contents
 from validation.harness.report import Pixels
 from validation.harness.show import digits3
 from validation.harness.store import Study, blocks_of
+from validation.harness.style import STYLE
 
 REACH = 0.4
 """Deviation [1] at which the plot of the printed results ends; what lies further is drawn at its end, with a sign."""
@@ -102,7 +104,7 @@ class Overview:
 
     @property
     def bodies(self) -> dict[str, list[Pixels]]:
-        """Designs of the front page by body, in the order of the methods that the body with most of them has."""
+        """Designs of the front page by body, in the contents' order of methods."""
         found: dict[str, list[Pixels]] = {}
         for design in blocks_of(self.studies, Pixels):
             if design.front:
@@ -113,29 +115,45 @@ class Overview:
             for body, designs in found.items()
         }
 
+    @property
+    def columns(self) -> dict[str, int]:
+        """The column of every method of the front page's designs, from 0, in the contents' order."""
+        shown = dict.fromkeys(design.method for designs in self.bodies.values() for design in designs)
+        known = [method for method in self.contents.methods if method in shown]
+        return {method: k for k, method in enumerate(dict.fromkeys((*known, *shown)))}
+
     def drawn(self, directory: Path) -> Mapping[str, bytes]:
         """The designs as one figure, for pages that are text, if the pictures of all are in the directory."""
         bodies = self.bodies
         paths = {d.file: directory / "figures" / f"{d.file}.png" for designs in bodies.values() for d in designs}
         if not paths or not all(path.exists() for path in paths.values()):
             return {}
-        columns = max(map(len, bodies.values()))
+        with mpl.style.context(STYLE):
+            return {DESIGNS: self._figure(bodies, paths)}
+
+    def _figure(self, bodies: Mapping[str, Sequence[Pixels]], paths: Mapping[str, Path]) -> bytes:
+        columns = self.columns
         shapes = [designs[0].size[1] / designs[0].size[0] for designs in bodies.values()]
-        figure = Figure(figsize=(1.75 * columns, sum(1.75 * shape + 0.62 for shape in shapes)), layout="constrained")
-        axes = figure.subplots(len(bodies), columns, squeeze=False, height_ratios=[shape + 0.2 for shape in shapes])
+        figure = Figure(
+            figsize=(1.75 * len(columns), sum(1.75 * shape + 0.62 for shape in shapes)), layout="constrained"
+        )
+        axes = figure.subplots(
+            len(bodies), len(columns), squeeze=False, height_ratios=[shape + 0.2 for shape in shapes]
+        )
         for ax in axes.flat:
             ax.set_axis_off()
         for row, (body, designs) in zip(axes, bodies.items(), strict=True):
-            for ax, design in zip(row, designs, strict=False):
+            for design in designs:
+                ax = row[columns[design.method]]
                 grey, opacity = np.moveaxis(np.asarray(Image.open(paths[design.file])).astype(float) / 255, -1, 0)
                 ax.imshow(1 - grey * opacity - (1 - opacity), cmap="gray_r", vmin=0, vmax=1, interpolation="nearest")
                 ax.contour(opacity, levels=[0.5], colors="#0072b2", linewidths=0.6) if opacity.min() < 1 else None
-                ax.set_title(f"{design.method}\n{values(design)}", fontsize=7)
-            row[0].text(-0.06, 0.5, body, transform=row[0].transAxes, rotation=90, va="center", ha="right", fontsize=8)
+                ax.set_title(f"{design.method}\n{values(design)}", fontsize=9)
+            row[0].text(-0.06, 0.5, body, transform=row[0].transAxes, rotation=90, va="center", ha="right", fontsize=10)
         svg = io.BytesIO()
-        with mpl.rc_context({"svg.hashsalt": "front", "svg.fonttype": "path"}):
-            figure.savefig(svg, format="svg", metadata={"Date": None, "Creator": "mpmtop"}, facecolor="white")
-        return {DESIGNS: svg.getvalue()}
+        with mpl.rc_context({"svg.hashsalt": "front"}):
+            figure.savefig(svg, format="svg", metadata={"Date": None, "Creator": "mpmtop"})
+        return svg.getvalue()
 
 
 def values(design: Pixels) -> str:

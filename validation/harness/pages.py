@@ -14,15 +14,26 @@ from typing import Any
 from jinja2 import Environment, FileSystemLoader, StrictUndefined, select_autoescape
 
 from validation.harness import show
-from validation.harness.claims import KINDS, Tally, stands
+from validation.harness.claims import KINDS, Tally, rows_of, stands
 from validation.harness.contents import Contents
 from validation.harness.diff import Comparison
 from validation.harness.overview import DESIGNS, Overview
 from validation.harness.report import Drawing, Pixels, Table
-from validation.harness.store import Study, blocks_of, data_files, drawings
-from validation.harness.timed import PLACES, Place, Regression, Timed, time_of_studies, timed_drawings, timed_files
+from validation.harness.store import Study, blocks_of, data_files, drawings, read
+from validation.harness.timed import (
+    PLACES,
+    Place,
+    Regression,
+    Timed,
+    read_timed,
+    time_of_studies,
+    timed_drawings,
+    timed_files,
+)
 
 _CLOCK_PAGES: dict[str, Place] = {"timings": "timed", "benchmark": "benchmark"}
+PROVENANCE = "data/provenance.json"
+"""Where the last run was: kept on its machine only."""
 PAGE = 1_800_000
 """Bytes of pictures that leave a page below 2 MB."""
 LONG, FOLDED = 12, 4
@@ -57,7 +68,8 @@ def publish(
     files: dict[str, str | bytes] = {**data_files(studies), **timed_files(measured.now)}
     files |= Overview(studies, contents).drawn(directory)
     files |= pages(studies, measured, directory, provenance, contents)
-    files["data/provenance.json"] = json.dumps(provenance, indent=1) + "\n"
+    if provenance:
+        files[PROVENANCE] = json.dumps(provenance, indent=1) + "\n"
     for path, text in files.items():
         replace(directory / path, text)
     former = {f"{study.name}.{suffix}" for study in before for suffix in ("md", "html")}
@@ -65,6 +77,16 @@ def publish(
     former |= timed_files(measured.before).keys() | timed_drawings(measured.before)
     for path in former - files.keys() - drawings(studies) - timed_drawings(measured.now):
         (directory / path).unlink(missing_ok=True)
+
+
+def republish(directory: Path, contents: Contents) -> None:
+    """Write the report in `directory` anew from its stores and figures; no study runs."""
+    known = read(directory)
+    studies = [known[name] for name in contents.ordered(known)]
+    timed = read_timed(directory)
+    path = directory / PROVENANCE
+    provenance = json.loads(path.read_text("utf-8")) if path.exists() else {}
+    publish(directory, studies, studies, Measured(timed, timed), {}, provenance, contents)
 
 
 def replace(path: Path, content: str | bytes) -> None:
@@ -109,7 +131,17 @@ def _environment() -> Environment:
         keep_trailing_newline=True,
     )
     shown = (
-        *(show.html, show.inline, show.words, show.number, show.per_cent, show.show, show.observed, show.counted),
+        *(
+            show.html,
+            show.inline,
+            show.words,
+            show.brief,
+            show.number,
+            show.per_cent,
+            show.show,
+            show.observed,
+            show.counted,
+        ),
         *(show.deviation, show.digits3, show.bounds, show.numeric, show.cell, stands),
     )
     environment.filters |= {function.__name__: function for function in shown}
@@ -150,6 +182,7 @@ def _facts(studies: Sequence[Study], measured: Measured, contents: Contents) -> 
         "ratio_of": lambda study, test, claim: ratios.get((study, test, claim)),
         "sentences_of": lambda study, what: study.told(what) + study.filled(what, kept_of(study.name)),
         "ran": measured.ran,
+        "ratios_of": lambda part: zip(part.ratios, rows_of(part.test, (r.claim for r in part.ratios)), strict=True),
         "labels_of": labels,
         "neighbours": lambda name: _neighbours(order, name),
         "designs": lambda study: blocks_of([study], Pixels),
@@ -161,15 +194,15 @@ def _facts(studies: Sequence[Study], measured: Measured, contents: Contents) -> 
     }
 
 
-def labels(study: Study) -> dict[str, str]:
-    """Numbers of the tables and figures of a page, by file."""
+def labels(study: Study) -> dict[tuple[str, str], str]:
+    """Numbers of the tables and figures of a page, by kind and file."""
     names = {"table": "Table", "figure": "Figure"}
     counts: Counter[str] = Counter()
     found = {}
     for block in (*study.opening, *(block for section in study.sections for block in section.blocks)):
         if isinstance(block, Table | Drawing):
             counts[block.kind] += 1
-            found[block.file] = f"{names[block.kind]} {counts[block.kind]}."
+            found[block.kind, block.file] = f"{names[block.kind]} {counts[block.kind]}."
     return found
 
 

@@ -30,6 +30,11 @@ def words(markdown: str) -> str:
     return "".join(token.content for token in _MARKDOWN.parseInline(markdown)[0].children or ())
 
 
+def brief(title: str) -> str:
+    """A title without what stands in brackets at its end, for lists."""
+    return re.sub(r"\s*\([^()]*\)$", "", title)
+
+
 def number(value: float, digits: int = 3) -> str:
     """A number to significant digits; whole ones in full, others large or small with a power of ten, 1.2·10⁻⁹."""
     if value != value or value in (float("inf"), float("-inf")):

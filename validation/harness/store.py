@@ -14,7 +14,7 @@ from inspect import cleandoc
 from pathlib import Path
 from typing import Any, TypeVar
 
-from validation.harness.claims import Claim, Reading, Value
+from validation.harness.claims import Claim, Reading, Value, rows_of
 from validation.harness.report import RESERVED, Block, Drawing, Pixels, Report, Table, Text
 from validation.harness.show import number
 
@@ -61,7 +61,13 @@ class Study:
     @property
     def readings(self) -> list[Reading]:
         """The claims of all sections, each with its place."""
-        return [Reading(claim, self.name, section.test) for section in self.sections for claim in section.claims]
+        return [
+            Reading(claim, self.name, section.test, row)
+            for section in self.sections
+            for claim, row in zip(
+                section.claims, rows_of(section.test, (claim.claim for claim in section.claims)), strict=True
+            )
+        ]
 
     @property
     def claims(self) -> list[Claim]:
