@@ -25,9 +25,10 @@ from markdown_it import MarkdownIt
 from validation.__main__ import BEGIN, END, main, with_findings
 from validation.harness import plugin
 from validation.harness import progress as counting
+from validation.harness.blocks import Table, raster
 from validation.harness.claims import Reading, Statement, Tally, stands
 from validation.harness.pages import replace
-from validation.harness.report import Locked, Report, Table, raster
+from validation.harness.report import Locked, Report
 from validation.harness.show import cell, changed, digits3, number, per_cent, show
 from validation.harness.store import CLAIM_COLUMNS, Section, Study, read
 from validation.harness.style import STYLE

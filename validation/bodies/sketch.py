@@ -6,10 +6,11 @@ from typing import Any
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
-from matplotlib.collections import LineCollection
+from matplotlib.collections import LineCollection, PolyCollection
 from scipy.spatial import KDTree
 
 from mpmtop.criteria import PNormStress
+from mpmtop.fields import rectangles
 from mpmtop.points import MaterialPoints, seed
 from mpmtop.scene import Scene
 from validation.bodies.scenes import SPACING, H
@@ -18,6 +19,8 @@ from validation.measures.drawing import draw_points
 
 PAPER, CHOSEN, CALIBRATED, NO_PART = "paper", "chosen here", "calibrated here", "plays no part here"
 """Where a parameter comes from."""
+ENLARGED = 4
+"""Cells along a side of the enlarged part: as many as one period of the crossing shown most."""
 
 
 def opening(
@@ -63,9 +66,28 @@ def said(load: Any) -> str:
     return f"{force} at ({load.position[0]:g}, {load.position[1]:g}) h, on {load.points} points"
 
 
+def _enlarge(ax: plt.Axes, points: MaterialPoints) -> None:
+    """A few cells about the middle of the body's points, each point with the domain that it stands for."""
+    middle = points.x[np.argmin(np.linalg.norm(points.x - np.median(points.x, axis=0), axis=1))]
+    corner = (np.floor(middle / H) - ENLARGED // 2) * H
+    near = np.all((points.x > corner - H) & (points.x < corner + (ENLARGED + 1) * H), axis=1)
+    x, half = points.x[near], np.broadcast_to(points.half_length, points.x.shape)[near]
+    ax.add_collection(PolyCollection(list(rectangles(x, half)), facecolors="0.92", edgecolors="0.75", linewidths=0.5))
+    ends = corner[:, None] + [0, ENLARGED * H]
+    for k in range(ENLARGED + 1):
+        ax.axvline(corner[0] + k * H, color="0.35", linewidth=0.8)
+        ax.axhline(corner[1] + k * H, color="0.35", linewidth=0.8)
+    ax.plot(*x.T, "o", color="#0072b2", markersize=2.5, linestyle="none")
+    ax.set(xlim=ends[0], ylim=ends[1], aspect="equal", title="a part of it", xticks=[], yticks=[])
+
+
 def draw(scene: Scene, points: MaterialPoints) -> plt.Figure:
-    """Body, background grid, points, what is held (along its edge) and loads."""
-    figure, ax = plt.subplots(figsize=(4.6, 3.2))
+    """Body, background grid, points, what is held (along its edge) and loads; beside a large one a part of it."""
+    if np.max(points.x.max(axis=0) - points.x.min(axis=0)) > 2 * ENLARGED * H:
+        figure, (ax, part) = plt.subplots(1, 2, figsize=(6.6, 3.2), width_ratios=(3, 1))
+        _enlarge(part, points)
+    else:
+        figure, ax = plt.subplots(figsize=(4.6, 3.2))
     draw_points(ax, points.x, points.half_length, np.full(len(points.x), 0.12), cmap="gray_r", vmin=0, vmax=1)
     lower, upper = scene.body.domain.bounds
     first, last = np.floor(lower / H).astype(int), np.ceil(upper / H).astype(int)

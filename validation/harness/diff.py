@@ -11,8 +11,8 @@ from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
+from validation.harness.blocks import Table
 from validation.harness.claims import Value
-from validation.harness.report import Table
 from validation.harness.store import Study, blocks_of, read
 from validation.harness.timed import read_timed
 

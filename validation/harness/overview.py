@@ -11,9 +11,9 @@ import numpy as np
 from matplotlib.figure import Figure
 from PIL import Image
 
+from validation.harness.blocks import Pixels
 from validation.harness.claims import PRINTED, Claim, Stand, stands
 from validation.harness.contents import Contents
-from validation.harness.report import Pixels
 from validation.harness.show import digits3
 from validation.harness.store import Study, blocks_of
 from validation.harness.style import STYLE

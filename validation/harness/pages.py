@@ -14,11 +14,11 @@ from typing import Any
 from jinja2 import Environment, FileSystemLoader, StrictUndefined, select_autoescape
 
 from validation.harness import show
+from validation.harness.blocks import Drawing, Frames, Pixels, Table
 from validation.harness.claims import KINDS, Tally, rows_of, stands
 from validation.harness.contents import Contents
 from validation.harness.diff import Comparison
 from validation.harness.overview import DESIGNS, Overview
-from validation.harness.report import Drawing, Pixels, Table
 from validation.harness.store import Study, blocks_of, data_files, drawings, read
 from validation.harness.timed import (
     PLACES,
@@ -185,6 +185,7 @@ def _facts(studies: Sequence[Study], measured: Measured, contents: Contents) -> 
         "ratios_of": lambda part: zip(part.ratios, rows_of(part.test, (r.claim for r in part.ratios)), strict=True),
         "labels_of": labels,
         "neighbours": lambda name: _neighbours(order, name),
+        "has_frames": lambda study: bool(blocks_of([study], Frames)),
         "designs": lambda study: blocks_of([study], Pixels),
         "timed": {place: [part for part in measured.now if part.place == place] for place in PLACES},
         "time_of_studies": time_of_studies(measured.now, studies),
@@ -198,7 +199,7 @@ def labels(study: Study) -> dict[tuple[str, str], str]:
     """Numbers of the tables and figures of a page, by kind and file."""
     names = {"table": "Table", "figure": "Figure"}
     counts: Counter[str] = Counter()
-    found = {}
+    found: dict[tuple[str, str], str] = {}
     for block in (*study.opening, *(block for section in study.sections for block in section.blocks)):
         if isinstance(block, Table | Drawing):
             counts[block.kind] += 1

@@ -7,8 +7,8 @@ recorded goes to the stores of `store`; what depends on the clock or the machine
 import io
 import math
 import re
-from collections.abc import Iterable
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from inspect import cleandoc
 from typing import Any, Literal
 
@@ -18,69 +18,16 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
-from PIL import Image
 
+from validation.harness.blocks import Block, Drawing, Frames, Pixels, Table, Text, picture, raster
 from validation.harness.claims import OWN_WORDS, Claim, Statement, Value, Verdict
 
 RESERVED = ("index", "claims", "timings", "benchmark", "provenance")
 """Names of the report's own files."""
 PLACE = re.compile(r"(Sects?|Figs?|Eqs?)\.|(Appendix|Table)\b")
 """How a place in the paper begins."""
-
-
-@dataclass(frozen=True)
-class Text:
-    """Markdown prose."""
-
-    text: str
-    kind: Literal["text"] = "text"
-
-
-@dataclass(frozen=True)
-class Table:
-    """Rows of cells, one per column, None where there is no value; also written as `data/<file>.csv`. Columns in
-    `percent` hold ratios that are shown in per cent. At the top of a page those that are `part_of` one are shown as
-    that."""
-
-    file: str
-    caption: str
-    columns: list[str]
-    rows: list[list[Value | None]]
-    percent: list[str] = field(default_factory=list)
-    part_of: str = ""
-    kind: Literal["table"] = "table"
-
-
-@dataclass(frozen=True)
-class Drawing:
-    """A figure of which the store holds the caption and `figures/<file>.svg` the drawing; `folded` until asked for."""
-
-    file: str
-    caption: str
-    folded: bool = False
-    kind: Literal["figure"] = "figure"
-
-
-@dataclass(frozen=True)
-class Pixels:
-    """A design: `figures/<file>.png` has one grey pixel for each point, 0 white and 1 black, none outside the body.
-
-    `own` is the objective by the method that made it, `true` the judge's (None: not judged), both in the `measure`
-    named. Designs of one `body` stand side by side, those `front` on the front page, too.
-    """
-
-    file: str
-    body: str
-    method: str
-    measure: str
-    own: float
-    true: float | None
-    size: list[int]
-    front: bool = False
-    kind: Literal["design"] = "design"
-
-
-Block = Text | Table | Drawing | Pixels
+JUDGED = re.compile(r"\bfine reference\b|\btrue\b")
+"""What the judge's columns are called."""
 
 
 @dataclass(frozen=True)
@@ -149,7 +96,8 @@ class Recorder:
     ) -> None:
         """Record a table; an index other than the default one becomes its first columns. The columns in `percent` hold
         ratios and are shown in per cent. Sections may each record rows of one table at the top, `part_of` its name."""
-        frame = frame if isinstance(frame.index, pd.RangeIndex) else frame.reset_index()
+        labels = 1 if isinstance(frame.index, pd.RangeIndex) else frame.index.nlevels
+        frame = judged_first(frame if isinstance(frame.index, pd.RangeIndex) else frame.reset_index(), labels)
         rows = [
             [None if pd.isna(cell) else plain(cell, digits) for cell in row] for row in frame.to_numpy(dtype=object)
         ]
@@ -187,12 +135,35 @@ class Recorder:
         their objective by the method that made them and the `true` one, by a judge of all."""
         file = self._take(name, "png")
         pixels = raster(x, half_length, rho)
-        png = io.BytesIO()
-        Image.fromarray(pixels).save(png, format="PNG", optimize=True)
-        self.files[f"{file}.png"] = png.getvalue()
+        self.files[f"{file}.png"] = picture(pixels)
         size = [pixels.shape[1], pixels.shape[0]]
         own, true = float(f"{own:.5g}"), None if true is None else float(f"{true:.5g}")
         self.blocks.append(Pixels(file, body, method, measure, own, true, size, front))
+
+    def frames(
+        self,
+        name: str,
+        x: NDArray[np.float64],
+        half_length: NDArray[np.float64],
+        fields: Mapping[str, Sequence[NDArray[np.float64]]],
+        places: Sequence[float],
+        caption: str,
+        *,
+        slides: str,
+        said: Mapping[str, Sequence[str]],
+    ) -> None:
+        """Record fields (p,) in [0, 1] by method, one for each of the `places` of a parameter, on rectangles x (p, 2)
+        of half-length (p, 2): on the page a slider goes through them. Raises ValueError if one is missing."""
+        if any(len(rows) != len(places) for rows in (*fields.values(), *said.values())) or set(fields) != set(said):
+            raise ValueError(
+                f"frames {name!r}: give every method one field and one text for each of {len(places)} places"
+            )
+        file = self._take(name, "png")
+        tiles = np.vstack([np.hstack([raster(x, half_length, field) for field in row]) for row in fields.values()])
+        self.files[f"{file}.png"] = picture(tiles)
+        size = [tiles.shape[1] // len(places), tiles.shape[0] // len(fields)]
+        texts = [list(said[method]) for method in fields]
+        self.blocks.append(Frames(file, caption, slides, [f"{at:g}" for at in places], list(fields), size, texts))
 
     def _take(self, name: str, suffix: str) -> str:
         file = f"{self.study}_{name}"
@@ -204,21 +175,12 @@ class Recorder:
         return file
 
 
-def raster(x: NDArray[np.float64], half_length: NDArray[np.float64], rho: NDArray[np.float64]) -> NDArray[np.uint8]:
-    """Grey and opacity (rows, columns, 2), top row first, of rectangles on a lattice of the smallest one's size."""
-    half_length = np.broadcast_to(half_length, x.shape)
-    side = 2 * half_length.min(axis=0)
-    first = np.rint((x - half_length - (x - half_length).min(axis=0)) / side).astype(int)
-    count = np.rint(2 * half_length / side).astype(int)
-    columns, rows = (first + count).max(axis=0)
-    pixels = np.zeros((rows, columns, 2), dtype=np.uint8)
-    grey = np.rint(255 * (1 - np.clip(rho, 0, 1))).astype(np.uint8)
-    for a, b in np.ndindex(*count.max(axis=0)):  # the pixels of the largest rectangle
-        covers = (a < count[:, 0]) & (b < count[:, 1])
-        pixels[rows - 1 - first[covers, 1] - b, first[covers, 0] + a] = np.stack(
-            [grey[covers], np.full(covers.sum(), 255)], axis=-1
-        )
-    return pixels
+def judged_first(frame: pd.DataFrame, labels: int) -> pd.DataFrame:
+    """The judge's columns right after those of the rows' names: they are what a table is read for."""
+    names = list(map(str, frame.columns))
+    judged = [k for k, name in enumerate(names) if k >= labels and JUDGED.search(name)]
+    rest = [k for k in range(labels, len(names)) if k not in judged]
+    return frame.iloc[:, [*range(labels), *judged, *rest]]
 
 
 class Report(Recorder):

@@ -5,8 +5,8 @@ import re
 from markdown_it import MarkdownIt
 from markupsafe import Markup
 
+from validation.harness.blocks import Table
 from validation.harness.claims import Claim, Value
-from validation.harness.report import Table
 
 # Raw HTML and pictures in prose are off: a page must hold all it shows.
 _MARKDOWN = MarkdownIt("commonmark", {"html": False}).disable("image")

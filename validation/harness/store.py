@@ -14,8 +14,9 @@ from inspect import cleandoc
 from pathlib import Path
 from typing import Any, TypeVar
 
+from validation.harness.blocks import Block, Drawing, Frames, Pixels, Table, Text
 from validation.harness.claims import Claim, Reading, Value, rows_of
-from validation.harness.report import RESERVED, Block, Drawing, Pixels, Report, Table, Text
+from validation.harness.report import RESERVED, Report
 from validation.harness.show import number
 
 B = TypeVar("B")
@@ -191,7 +192,13 @@ def read(directory: Path) -> dict[str, Study]:
 
 def read_blocks(stored: Iterable[Mapping[str, Any]]) -> list[Block]:
     """Blocks as a store holds them."""
-    kinds: dict[str, type[Block]] = {"text": Text, "table": Table, "figure": Drawing, "design": Pixels}
+    kinds: dict[str, type[Block]] = {
+        "text": Text,
+        "table": Table,
+        "figure": Drawing,
+        "design": Pixels,
+        "frames": Frames,
+    }
     return [kinds[block["kind"]](**block) for block in stored]
 
 
@@ -224,10 +231,12 @@ def data_files(studies: Sequence[Study]) -> dict[str, str]:
     return files
 
 
-def drawings(studies: Iterable[Study]) -> set[str]:
+def drawings(studies: Sequence[Study]) -> set[str]:
     """Paths, relative to the report, of the figures of the studies."""
     figures = {f"figures/{drawing.file}.svg" for drawing in blocks_of(studies, Drawing)}
-    return figures | {f"figures/{design.file}.png" for design in blocks_of(studies, Pixels)}
+    files = [design.file for design in blocks_of(studies, Pixels)]
+    files += [frames.file for frames in blocks_of(studies, Frames)]
+    return figures | {f"figures/{file}.png" for file in files}
 
 
 def blocks_of(studies: Iterable[Study], kind: type[B]) -> list[B]:

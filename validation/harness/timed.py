@@ -12,8 +12,9 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Literal, Self
 
+from validation.harness.blocks import Block, Drawing, Table
 from validation.harness.claims import Value
-from validation.harness.report import Block, Drawing, Locked, Ratio, Report, Table
+from validation.harness.report import Locked, Ratio, Report
 from validation.harness.store import Study, as_csv, as_json, read_blocks
 
 Place = Literal["timed", "benchmark"]
