@@ -5,6 +5,10 @@
 with the second Piola-Kirchhoff stress S and its moduli from principal stretches, on the mesh, supports and dead loads
 of a `FemModel`. Nothing depends on the path: a step only starts Newton's method, and each level has its own adjoint.
 Plane strain.
+
+Void of a design would invert long before the body does. With the fraction g of an element that is nonlinear, its energy
+is W(1 + g grad u) - W_lin(g grad u) + W_lin(grad u): that of the law for g = 1 and linear elasticity, which cannot
+invert, for g = 0. Source: Wang, Lazarov, Sigmund and Jensen (2014), Comput. Methods Appl. Mech. Engrg 276:453.
 """
 
 from collections.abc import Iterator
@@ -34,6 +38,11 @@ MAX_HALVINGS = 5
 
 class PrincipalLaw(Protocol):
     """A law by x_a = the squares of the principal stretches in the plane, (..., 2), at unit modulus."""
+
+    @property
+    def poisson(self) -> float:
+        """Poisson's ratio at small strain."""
+        ...
 
     def stress(self, x: Array) -> Array:
         """Principal values S_a (..., 2) of the second Piola-Kirchhoff stress."""
@@ -137,49 +146,73 @@ class LargeModel:
         keys, entry = np.unique(column.astype(np.intp) * N + row, return_inverse=True)
         return entry, (keys % N).astype(np.int32), np.searchsorted(keys, N * np.arange(N + 1)).astype(np.int32)
 
-    def _grad(self, u: Array) -> Array:
+    def grad(self, u: Array) -> Array:
         """grad u (e, q, 2, 2)."""
         return (self._gradients @ u[self._dofs][:, None, :, None]).reshape(*self._shape, 2, 2)
 
-    def deformation(self, u: Array) -> Array:
-        """F (e, q, 2, 2) of displacements u (N,)."""
-        return self._grad(u) + np.eye(2)
-
-    def residual(self, moduli: Array, u: Array) -> Array:
-        """Internal forces (N,) of displacements u (N,) with element moduli (e,)."""
-        F = self.deformation(u)
-        P = (F @ _second_stress(self.law, F)[0]).reshape(*self._shape, 1, 4)
-        by_element = np.sum((P * (moduli[:, None] * self.basis.dx)[..., None, None]) @ self._gradients, axis=(1, 2))
+    def to_dofs(self, T: Array) -> Array:
+        """int T : grad v dV (N,) of T (e, q, 2, 2)."""
+        weighted = T.reshape(*self._shape, 1, 4) * self.basis.dx[..., None, None]
+        by_element = np.sum(weighted @ self._gradients, axis=(1, 2))
         return np.asarray(np.bincount(self._dofs.ravel(), by_element.ravel(), self.basis.N), float)
 
-    def by_moduli(self, u: Array, v: Array) -> Array:
-        """v . d(internal forces)/dE (e,)."""
-        F = self.deformation(u)
-        work = np.sum(F @ _second_stress(self.law, F)[0] * self._grad(v), axis=(-2, -1))
-        return np.sum(work * self.basis.dx, axis=1)
+    @cached_property
+    def _linear(self) -> Array:
+        """C (4, 4) of linear elasticity at unit modulus, by grad u."""
+        nu = self.fem.body.material.poisson
+        mu, swap = 0.5 / (1 + nu), np.eye(4)[[0, 2, 1, 3]]
+        trace = np.array([1.0, 0.0, 0.0, 1.0])
+        return 2 * mu * nu / (1 - 2 * nu) * np.outer(trace, trace) + mu * (np.eye(4) + swap)
 
-    def tangent(self, moduli: Array, u: Array) -> sp.csc_matrix:
-        """K (N, N)."""
-        F = self.deformation(u)
+    def respond(self, u: Array, nonlinear: Array | None = None) -> tuple[Array, Array, Array]:
+        """At unit modulus the stress T (e, q, 2, 2) that displacements u (N,) cause, dT/dgrad u (e, q, 4, 4) and dT/dg
+        (e, q, 2, 2); `nonlinear` are the fractions g (e,), one unless given."""
+        g = np.ones(self._shape[0]) if nonlinear is None else nonlinear
+        g = g[:, None, None, None]
+        H = self.grad(u)
+        F = g * H + np.eye(2)
         S, D = _second_stress(self.law, F)
         I = np.eye(2)  # noqa: E741
         M = (F[..., :, None, :, None] * I[None, :, None, :]).reshape(*self._shape, 4, 4)
         # material and geometric part of dP/dF
         A = M @ D @ M.swapaxes(-2, -1) + (I[:, None, :, None] * S[..., None, :, None, :]).reshape(*self._shape, 4, 4)
-        A *= (moduli[:, None] * self.basis.dx)[..., None, None]
+        P = F @ S
+        linear = (H.reshape(*self._shape, 4) @ self._linear).reshape(H.shape)
+        by_g = P + g * (A @ H.reshape(*self._shape, 4, 1)).reshape(H.shape) - 2 * g * linear
+        return g * P + (1 - g**2) * linear, g**2 * A + (1 - g**2) * self._linear, by_g
+
+    def residual(self, moduli: Array, u: Array, nonlinear: Array | None = None) -> Array:
+        """Internal forces (N,) of displacements u (N,) with element moduli (e,)."""
+        return self.to_dofs(moduli[:, None, None, None] * self.respond(u, nonlinear)[0])
+
+    def tangent(self, moduli: Array, D: Array) -> sp.csc_matrix:
+        """K (N, N) of the moduli (e,) and D = dT/dgrad u (e, q, 4, 4)."""
+        D = D * (moduli[:, None] * self.basis.dx)[..., None, None]
         e, d = self._dofs.shape
         G = self._gradients
-        local = G.reshape(e, -1, d).swapaxes(1, 2) @ (A @ G).reshape(e, -1, d)
+        local = G.reshape(e, -1, d).swapaxes(1, 2) @ (D @ G).reshape(e, -1, d)
         entry, indices, indptr = self._pattern
         data = np.bincount(entry, local.ravel(), len(indices))
         return sp.csc_matrix((data, indices, indptr), shape=(self.basis.N, self.basis.N))
+
+    def work(self, T: Array, v: Array) -> Array:
+        """int T : grad v dV of each element (e,)."""
+        return np.sum(np.sum(T * self.grad(v), axis=(-2, -1)) * self.basis.dx, axis=1)
+
+    def solve(self, moduli: Array, D: Array, f: Array) -> Array:
+        """K^-1 f (N,), zero where held."""
+        free = self.fem.free
+        K = sp.csc_matrix(self.tangent(moduli, D)[free][:, free])
+        v = np.zeros(self.basis.N)
+        v[free] = splu(K, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True}).solve(f[free])
+        return v
 
 
 def large_model(fem: FemModel, law: PrincipalLaw) -> LargeModel:
     """`fem` in large deformation. InvalidScene in plane stress, or where the law has another Poisson's ratio."""
     if fem.body.material.plane != "strain":
         raise InvalidScene("large deformation in plane stress: the laws are those of plane strain, set plane='strain'")
-    if getattr(law, "poisson", fem.body.material.poisson) != fem.body.material.poisson:
+    if law.poisson != fem.body.material.poisson:
         raise InvalidScene(f"{law} for a material of Poisson's ratio {fem.body.material.poisson}: give both the same")
     biquadratic = fem.basis.Nbfun == 18
     return LargeModel(fem, law, CellBasis(fem.basis.mesh, fem.basis.elem, intorder=5 if biquadratic else 3))
@@ -201,8 +234,11 @@ def _second_stress(law: PrincipalLaw, F: Array) -> tuple[Array, Array]:
     return S, D + shear[..., None, None] * mixed[..., :, None] * mixed[..., None, :]
 
 
-def load_steps(model: LargeModel, moduli: Array, levels: Array, *, tol: float = TOLERANCE) -> Iterator[Array]:
-    """Displacements u (N,) at each of the load `levels`, of 1 for the whole load, with element moduli (e,).
+def load_steps(
+    model: LargeModel, moduli: Array, levels: Array, *, nonlinear: Array | None = None, tol: float = TOLERANCE
+) -> Iterator[Array]:
+    """Displacements u (N,) at each of the load `levels`, of 1 for the whole load, with element moduli (e,) and
+    `nonlinear` fractions (e,), one unless given.
 
     Newton's method from the level before; where it fails, the load is halved on the way. Raises NotConverged.
     """
@@ -211,7 +247,7 @@ def load_steps(model: LargeModel, moduli: Array, levels: Array, *, tol: float = 
         reached, part = before, level - before
         while reached != level:
             target = level if abs(level - reached) <= abs(part) * (1 + 1e-9) else reached + part
-            found = _newton(model, moduli, u, target, tol)
+            found = _newton(model, moduli, nonlinear, u, target, tol)
             if found is not None:
                 u, reached = found, target
             elif abs(part) <= abs(level - before) / 2**MAX_HALVINGS:
@@ -225,40 +261,50 @@ def load_steps(model: LargeModel, moduli: Array, levels: Array, *, tol: float = 
         yield u
 
 
-def _newton(model: LargeModel, moduli: Array, u: Array, level: float, tol: float) -> Array | None:
+def _newton(
+    model: LargeModel, moduli: Array, nonlinear: Array | None, u: Array, level: float, tol: float
+) -> Array | None:
     """u at the level; None where the residual does not fall or an element inverts."""
-    free, u = model.fem.free, u.copy()
     held = np.ones(len(u), bool)
-    held[free] = False
+    held[model.fem.free] = False
+    external = level * model.fem.f_ext
+    share = np.ones(len(moduli)) if nonlinear is None else nonlinear
     for _ in range(MAX_NEWTON):
-        if np.any(np.linalg.det(model.deformation(u)) <= 0):
+        if np.any(np.linalg.det(share[:, None, None, None] * model.grad(u) + np.eye(2)) <= 0):
             return None
-        internal = model.residual(moduli, u)
-        R = level * model.fem.f_ext - internal
-        size = np.linalg.norm(R[free])
-        applied = np.linalg.norm(np.where(held, internal, level * model.fem.f_ext))
-        K = model.tangent(moduli, u)[free][:, free]
-        least = ROUNDING * (np.abs(K).max() * (np.abs(u).max() + np.abs(model.basis.mesh.p).max()))
-        if size <= max(tol * applied, least):
+        T, D, _ = model.respond(u, nonlinear)
+        internal = model.to_dofs(moduli[:, None, None, None] * T)
+        R = np.where(held, 0, external - internal)
+        applied = np.linalg.norm(np.where(held, internal, external))
+        stiffest = float(np.max(np.abs(D) * (moduli[:, None] * model.basis.dx)[..., None, None]))
+        stiffest *= float(np.max(np.abs(model._gradients))) ** 2
+        least = ROUNDING * (stiffest * (np.abs(u).max() + np.abs(model.basis.mesh.p).max()))
+        if np.linalg.norm(R) <= max(tol * applied, least):
             return u
-        du = splu(sp.csc_matrix(K), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True}).solve(R[free])
+        du = model.solve(moduli, D, R)
         if not np.all(np.isfinite(du)):
             return None
-        u[free] += du
+        u = u + du
     return None
 
 
-def compliance_gradient(model: LargeModel, moduli: Array, path: list[Array], weights: Array) -> tuple[float, Array]:
-    """J = sum_n w_n f . u_n over the levels n of a path, and dJ/dE (e,): one adjoint for each level of weight."""
-    f, free = model.fem.f_ext, model.fem.free
-    J = float(sum(w * (f @ u) for w, u in zip(weights, path, strict=True)))
-    gradient = np.zeros(len(moduli))
-    for w, u in zip(weights, path, strict=True):
-        if w != 0:
-            adjoint = np.zeros_like(u)
-            adjoint[free] = splu(sp.csc_matrix(model.tangent(moduli, u)[free][:, free])).solve(w * f[free])
-            gradient -= model.by_moduli(u, adjoint)
-    return J, gradient
+def von_mises(law: PrincipalLaw, F: Array) -> tuple[Array, Array]:
+    """Von Mises measure (...) of the Kirchhoff stress at unit modulus, tau_zz = lambda ln J included, and its
+    derivative by F (..., 2, 2); zero where there is no stress.
+
+    By tau_a = x_a S_a, and dvm/dC = sum_a dvm/dx_a n_a x n_a.
+    """
+    x, n = np.linalg.eigh(F.swapaxes(-2, -1) @ F)
+    half = law.poisson / ((1 + law.poisson) * (1 - 2 * law.poisson)) / 2
+    S, (direct, _) = law.stress(x), law.moduli(x)
+    tau = np.concatenate([x * S, half * np.log(x).sum(axis=-1, keepdims=True)], axis=-1)
+    by_x = np.concatenate([(x[..., None] * direct + 2 * np.eye(2) * S[..., None]) / 2, half / x[..., None, :]], axis=-2)
+    vm = np.sqrt(np.sum((tau - np.roll(tau, 1, axis=-1)) ** 2, axis=-1) / 2)
+    by_tau = np.divide(
+        3 * tau - tau.sum(axis=-1, keepdims=True), 2 * vm[..., None], out=np.zeros_like(tau), where=vm[..., None] > 0
+    )
+    by_C = (n * (by_tau[..., None, :] @ by_x)) @ n.swapaxes(-2, -1)
+    return vm, 2 * F @ by_C
 
 
 def with_load(model: LargeModel, f_ext: Array) -> LargeModel:

@@ -72,7 +72,7 @@ class DesignProblem:
             raise InvalidScene("filter_passive averages densities, the sensitivity filter does not: drop one of them")
         if self.stress_at not in STRESS_POSITIONS:
             raise InvalidScene(f"stress at {self.stress_at!r}: say one of {', '.join(STRESS_POSITIONS)}")
-        least = self.model.area @ (self.H @ self.lower + self.space.fixed) / self._volume_bound
+        least = self.volume(self.H @ self.lower + self.space.fixed)
         if least > 1 + VOLUME_ROUNDING:
             fraction = self.design.volume_fraction
             raise InvalidScene(
@@ -130,6 +130,15 @@ class DesignProblem:
     def _volume_bound(self) -> float:
         return self.design.volume_fraction * self.model.area[~self.space.void].sum()
 
+    def volume(self, rho: Array) -> float:
+        """Volume of densities rho (e,) by the largest one allowed."""
+        return float(self.model.area @ rho / self._volume_bound)
+
+    @property
+    def volume_gradient(self) -> Array:
+        """Derivative (1, a) of that volume by the design."""
+        return (self.H.T @ self.model.area / self._volume_bound)[None]
+
     @property
     def fingerprint(self) -> str:
         """Hash of all numbers that an iterate depends on: a checkpoint fits a problem of the same ones only.
@@ -170,8 +179,8 @@ class DesignProblem:
         moduli = simp(rho, self.model.body.material, self.design)[0]
         inverse = inverse_stiffness(self.model, moduli)
         u = inverse(self.model.f_ext)
-        volume = self.model.area @ rho / self._volume_bound
-        return Evaluation(self.functional.value(rho, u), np.array([volume - 1]), rho, State(moduli, u, inverse))
+        constraints = np.array([self.volume(rho) - 1])
+        return Evaluation(self.functional.value(rho, u), constraints, rho, State(moduli, u, inverse))
 
     def gradient(self, evaluation: Evaluation) -> tuple[Array, Array]:
         """Derivatives by the design: df0 = H^T dJ/drho (a,) and dg (1, a); no further factorisation.
@@ -180,8 +189,7 @@ class DesignProblem:
         """
         d_rho = self.density_gradient(evaluation)
         if self.filtered == "density":
-            dg = self.H.T @ self.model.area / self._volume_bound
-            return finite_gradient(self.H.T @ d_rho, self.objective), dg[None]
+            return finite_gradient(self.H.T @ d_rho, self.objective), self.volume_gradient
         active = self.space.active
         x = evaluation.rho[active]
         by_density = finite_gradient(d_rho[active], self.objective)
