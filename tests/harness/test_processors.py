@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.harness.test_report import ROOT, committed
+from tests.harness.studies import ROOT, committed
 
 STUDIES = ("removal", "errata", "locking")
 KERNELS = ("Haswell", "Nehalem")

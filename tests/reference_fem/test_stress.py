@@ -1,7 +1,6 @@
 """p-norm stress on finite elements: closed forms, identities, differences, extreme exponents; the judge's stress."""
 
 from dataclasses import replace
-from typing import Literal
 
 import numpy as np
 import pytest
@@ -21,11 +20,10 @@ from reference_fem.factorise import Factorise, Solve
 from reference_fem.objectives import STRESS_POSITIONS, StressPosition, p_norm
 from reference_fem.reanalyse import build_judge, judge_stress
 from reference_fem.simp import DesignProblem, design_problem
+from tests.reference_fem.bodies import Plane, densities, planes
 from tests.scenes import cantilever
 
-Plane = Literal["strain", "stress"]
 variants = pytest.mark.parametrize("stress_at", ["centre", "gauss"])
-planes = pytest.mark.parametrize("plane", ["strain", "stress"])
 measures = pytest.mark.parametrize("measure", ["von_mises", "von_mises_in_plane"])
 
 
@@ -33,10 +31,6 @@ def stressed(objective: PNormStress | None = None, force: float = 1.0, material:
     """The 8 x 4 cantilever with the paper's p = 12, q = 0.5, or another p-norm."""
     load = PointLoad((8.0, 2.0), (0.0, -force))
     return cantilever(load=load, objective=objective or PNormStress(), material=material or Material())
-
-
-def densities(n: int, seed: int = 1) -> Array:
-    return np.random.default_rng(seed).uniform(0.2, 0.8, n)
 
 
 def bar(plane: Plane = "stress", sides: int = 2) -> Scene:

@@ -7,28 +7,23 @@ from dataclasses import replace
 from functools import partial
 from hashlib import md5
 from itertools import chain, islice
-from typing import Any, NoReturn
+from typing import Any
 
 import numpy as np
 import pytest
-import scipy.sparse as sp
 
-from mpmtop import model as library
-from mpmtop.arrays import Array, Mask
-from mpmtop.equilibrium import Derivative, Equilibrium, equilibrium
+from mpmtop.arrays import Array
+from mpmtop.equilibrium import Equilibrium, equilibrium
 from mpmtop.errors import NotConverged, UnsupportedBody
 from mpmtop.loads import PointLoad
 from mpmtop.model import Model
-from mpmtop.objectives import COMPLIANCE
 from mpmtop.optimizers import CheckpointError, optimize
 from mpmtop.solvers import BandedCholesky, MultigridCG, Solve
-from mpmtop.transfer import Transfer
-from validation.oracles.dense import equations_of
-from validation.oracles.extended import Undetermined, condition, extended, full_stiffness, pseudo_compliance
+from tests.studies.planted import beam_analysis, kind, planted, raising, state_of
 from validation.studies.stability import cases as stability_cases
 from validation.studies.stability import interruption
 from validation.studies.stability import judge as stability
-from validation.studies.stability.cases import ANALYSES, FUNCTIONS, beam, fields, lattice, model_of, over_edge
+from validation.studies.stability.cases import ANALYSES, beam, fields, lattice, model_of, over_edge
 from validation.studies.stability.judge import (
     Analysis,
     Case,
@@ -41,36 +36,12 @@ from validation.studies.stability.judge import (
     refused,
     tally,
 )
+from validation.studies.stability.outcomes import SECTIONS
 from validation.studies.stability.parameters import invalid, parameters
 from validation.studies.stability.runs import Bars, damaged, resumed
 from validation.studies.stability.scales import materials, units
-from validation.studies.stability.test_stability import SECTIONS
 
 pytestmark = pytest.mark.filterwarnings("ignore::mpmtop.diagnose.ModelWarning")  # bodies are moved and cut on purpose
-
-
-def kind(run: Callable[[], Finding]) -> str:
-    return outcome(Case("family", "name", "judge", run, (UnsupportedBody,))).kind
-
-
-def raising(error: Exception) -> Callable[[], Finding]:
-    def run() -> Finding:
-        raise error
-
-    return run
-
-
-def beam_analysis(**changes: object) -> Analysis:
-    return Analysis("beam", "", partial(model_of, "tent", (0.1, 0.0)), **changes)  # type: ignore[arg-type]
-
-
-def planted(monkeypatch: pytest.MonkeyPatch, change: Callable[[Equilibrium], Equilibrium]) -> None:
-    """Every analysis of the engine's gives a changed state."""
-
-    def changed(model: Model, moduli: Array) -> Equilibrium:
-        return change(equilibrium(model, moduli))
-
-    monkeypatch.setattr(stability, "equilibrium", changed)
 
 
 def test_findings_become_outcomes() -> None:
@@ -196,145 +167,6 @@ def test_expected_compliance_and_limits() -> None:
     assert outcome(beam_analysis(sane=C / 3, limit=softer, compliance=2 * C).case).kind == "other"
 
 
-def state_of(analysis: Analysis) -> tuple[Model, Equilibrium, Array]:
-    model = direct(analysis.make())
-    rho, moduli = stability.densities(model, analysis.rho, analysis.contrast)
-    return model, equilibrium(model, moduli), rho
-
-
-@pytest.mark.parametrize("function", FUNCTIONS)
-def test_reference_is_of_the_same_problem(function: str) -> None:
-    """Two routes to N, B, D, f_ext and K: some roundings apart."""
-    model = direct(model_of(function, (0.1, 0.05), ghost=0.0 if "spline" in function else 0.01))
-    equations = equations_of(model)
-    np.testing.assert_array_equal(equations.nodes, model.transfer.nodes)
-    np.testing.assert_array_equal(equations.free, model.stiffness.dof)
-    for ours, theirs in (
-        (model.transfer.N_matrix.toarray(), equations.N),
-        (model.transfer.B.toarray(), equations.B),
-        (model.D, equations.D),
-        (model.f_ext, equations.f_ext),
-    ):
-        np.testing.assert_allclose(ours, theirs, rtol=0, atol=1e-14)
-    moduli = np.random.default_rng(0).uniform(1e-3, 1, 40)
-    K, s = full_stiffness(model, moduli), model.stiffness
-    ours = np.zeros_like(K)
-    ours[s.row, s.col] = ours[s.col, s.row] = s.data(moduli)
-    np.testing.assert_allclose(K, ours, rtol=0, atol=1e-14)
-
-
-def test_reference_in_exact_arithmetic() -> None:
-    """u of K u = f for a given u: exact in extended precision, where double precision leaves cond x eps = 1e-10."""
-    model = direct(model_of("GIMP", (0.1, 0.05), ghost=0.01))
-    rho = dict(fields(lattice().x))["loaded end on void"]
-    moduli = np.where(rho > 0, 1.0, 1e-6)
-    exact = extended(model, moduli)
-    equations, K = exact.equations, full_stiffness(model, moduli)
-    values = np.linalg.eigvalsh(K / np.sqrt(np.outer(np.diag(K), np.diag(K))))
-    assert exact.condition == pytest.approx(values[-1] / values[0], rel=3)  # of another norm
-    u = np.random.default_rng(0).normal(size=len(equations.free))
-    at = np.zeros(len(equations.f_ext), np.longdouble)
-    at[equations.free] = u
-    stress = (equations.volume * moduli)[:, None] * ((equations.B @ at).reshape(-1, 3) @ equations.D)
-    load = equations.B.T @ stress.ravel() + model.ghost.force(moduli, at)
-    # eps of extended precision, 1e-19, times the condition number, 1e6; 1e-9 where long doubles are doubles
-    eps = float(np.finfo(np.longdouble).eps)
-    assert np.abs(exact.solve(load[equations.free]) - u).max() < 100 * eps * exact.condition
-    assert pseudo_compliance(model, moduli) == pytest.approx(float(equations.f_ext @ exact.u), rel=1e-8)
-
-
-def test_gradients_of_the_reference() -> None:
-    """sum dC/dlnE = -C, and the p-norm's gradient beside a central difference, of an error of 1e-8."""
-    model = direct(model_of("GIMP", (0.1, 0.05), ghost=0.01))
-    rng = np.random.default_rng(4)
-    rho, direction = rng.uniform(0.3, 1, 40), rng.uniform(-1, 1, 40)
-    moduli = rng.uniform(0.1, 1, 40)
-    found = stability.reference(model, moduli, rho)[0]
-    assert np.sum(found.compliance_gradient) == pytest.approx(-found.compliance[0], rel=1e-12)
-    after, before = (stability.reference(model, moduli * np.exp(1e-4 * w * direction), rho)[0] for w in (1, -1))
-    slope = (after.p_norm[0] - before.p_norm[0]) / 2e-4
-    assert found.p_norm_gradient @ direction == pytest.approx(slope, rel=1e-6)
-
-
-def linear_in(monkeypatch: pytest.MonkeyPatch, change: Callable[[Transfer], Transfer]) -> None:
-    """Every model is made with changed weights."""
-    made = library.transfer
-    monkeypatch.setattr(library, "transfer", lambda *arguments: change(made(*arguments)))
-
-
-def too_large(m: pytest.MonkeyPatch) -> None:
-    linear_in(m, lambda t: replace(t, B=1.2 * t.B, grad_N=1.2 * t.grad_N))
-
-
-def deleted(m: pytest.MonkeyPatch) -> None:
-    def change(t: Transfer) -> Transfer:
-        kept = np.ones(len(t.N))
-        kept[len(kept) // 2] = 0
-        B = sp.csr_array(sp.diags_array(np.repeat(kept, 3)) @ t.B)
-        return replace(t, B=B, grad_N=t.grad_N * kept[:, None, None])
-
-    linear_in(m, change)
-
-
-def load_lost(m: pytest.MonkeyPatch) -> None:
-    force = library.external_force
-    m.setattr(library, "external_force", lambda *arguments: 0.7 * force(*arguments))
-
-
-def stiff_in_shear(m: pytest.MonkeyPatch) -> None:
-    D = library.tangent
-    m.setattr(library, "tangent", lambda material: D(material) * np.array([[1, 1, 1], [1, 1, 1], [1, 1, 2]]))
-
-
-def held_in_x(m: pytest.MonkeyPatch) -> None:
-    """y held at one node only."""
-    held = library.held_dofs
-
-    def change(*arguments: Any, **settings: Any) -> Mask:
-        whole = held(*arguments, **settings)
-        kept = whole & (np.arange(len(whole)) % 2 == 0)
-        kept[np.flatnonzero(whole)[1]] = True
-        return kept
-
-    m.setattr(library, "held_dofs", change)
-
-
-def twice_the_gradient(m: pytest.MonkeyPatch) -> None:
-    m.setattr(stability, "COMPLIANCE", COMPLIANCE._replace(work=2.0))
-
-
-def gradient_upside_down(m: pytest.MonkeyPatch) -> None:
-    derivative = stability.p_norm_stress_derivative
-
-    def change(*arguments: Any, **settings: Any) -> Derivative:
-        by = derivative(*arguments, **settings)
-        return by if by.u is None else by._replace(u=-by.u)
-
-    m.setattr(stability, "p_norm_stress_derivative", change)
-
-
-@pytest.mark.parametrize(
-    "plant",
-    [too_large, deleted, load_lost, stiff_in_shear, held_in_x, twice_the_gradient, gradient_upside_down],
-    ids=lambda plant: plant.__name__,
-)
-def test_wrong_physics_is_found(plant: Callable[[pytest.MonkeyPatch], None], monkeypatch: pytest.MonkeyPatch) -> None:
-    """What is wrong in model and objectives alike is right by itself: only a reference of its own sees it."""
-    plant(monkeypatch)
-    for function in FUNCTIONS:
-        body = Analysis("", "", partial(model_of, function, (0.1, 0.05)), np.linspace(0.3, 1, 40))
-        assert outcome(body.case).kind == "other"
-
-
-def test_an_error_of_the_reference_is_wrong(monkeypatch: pytest.MonkeyPatch) -> None:
-    def refuse(*arguments: Any) -> NoReturn:
-        equilibrium(beam_analysis().make(), np.full(40, np.nan))
-        raise AssertionError("NaN was taken")
-
-    monkeypatch.setattr(stability, "objectives", refuse)
-    assert outcome(beam_analysis().case).what.startswith("Wrong: no reference")
-
-
 @pytest.mark.parametrize("family", ["units", "gradients", "descent"])
 def test_refusing_everything_is_found(family: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """A named error where the input is sound is no outcome to be content with."""
@@ -346,14 +178,6 @@ def test_refusing_everything_is_found(family: str, monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr("mpmtop.problem.equilibrium", never)
     cases = {"units": units, "gradients": parameters, "descent": lambda: list(parameters())[300:]}[family]()
     assert {outcome(case).kind for case in islice(cases, 5)} == {"other"}
-
-
-def test_reference_of_a_singular_body() -> None:
-    model = direct(model_of("tent"))
-    moduli = np.where(np.abs(model.points.x[:, 0] - 2.5) < 0.6, 0.0, 1.0)
-    assert condition(model, moduli) > 1e15
-    with pytest.raises(Undetermined):
-        extended(model, moduli)
 
 
 def test_solvers_that_differ_are_found(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -28,10 +28,12 @@ from typing import Any
 import matplotlib as mpl
 import matplotlib.style
 import pytest
+from xdist.scheduler import LoadScopeScheduling
 
 from validation.contents import CONTENTS
 from validation.harness import lock, progress
 from validation.harness.claims import Tally
+from validation.harness.heading import Heading, heading_of
 from validation.harness.origin import provenance_of
 from validation.harness.pages import Measured, publish
 from validation.harness.report import Report
@@ -51,10 +53,28 @@ class Run:
 
     started: float = field(default_factory=time.perf_counter)
     files: set[str] = field(default_factory=set)
+    headings: dict[Path, Heading] = field(default_factory=dict)
     reports: dict[pytest.Function, Report] = field(default_factory=dict)
     received: list[Ran] = field(default_factory=list)  # from the workers of pytest-xdist
     crashed: set[tuple[Path, str]] = field(default_factory=set)  # module and test that ended a worker
     summary: list[str] = field(default_factory=list)
+
+    def heading(self, folder: Path) -> Heading:
+        """The heading of a study's page, read once."""
+        if folder not in self.headings:
+            self.headings[folder] = heading_of(folder)
+        return self.headings[folder]
+
+
+class ByFolder(LoadScopeScheduling):
+    """Modules of one folder go to one process of pytest-xdist: a study's sections share what is costly to compute."""
+
+    def _split_scope(self, nodeid: str) -> str:
+        return nodeid.partition("::")[0].rpartition("/")[0]
+
+
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> ByFolder:
+    return ByFolder(config, log)
 
 
 RUN = pytest.StashKey[Run]()
@@ -98,6 +118,7 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
         study = study_of(item.path.parent)
         if not study:
             raise ValueError(f"{item.path} records for the report: move it to a folder of its own in validation/{ROOM}")
+        run.heading(item.path.parent)  # before minutes are spent on a page that could not be put together
         benchmark = item.get_closest_marker("benchmark") is not None
         run.reports[item] = report = Report(study, item.function.__name__, run.files, benchmark)
         report.cpu = -_cpu_clock()
@@ -165,9 +186,9 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
         return
     directory = _directory(session.config)
     before = read(directory)
-    studies = _studies(ran, run.crashed, before)
+    studies = _studies(run, ran, before)
     seen = {test.report.study: test for test in known}  # also of studies of which all was skipped
-    studies = [headed(study, seen[study.name]) if study.name in seen else study for study in studies]
+    studies = [headed(s, run.heading(seen[s.name].folder)) if s.name in seen else s for s in studies]
     reports = [test.report for test in ran]
     provenance = provenance_of(session.config, directory, time.perf_counter() - run.started)
     timed = read_timed(directory)
@@ -206,27 +227,23 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: p
 
 
 def _ran(item: pytest.Function, report: Report) -> Ran:
-    module = item.module
     position = item.session.items.index(item)
     root = item.config.rootpath
     path = item.path.relative_to(root) if item.path.is_relative_to(root) else item.path
-    asked = str(getattr(module, "ASKED", ""))
-    found, so = (tuple(getattr(module, name, ())) for name in ("FOUND", "SO"))
-    names, docstring = tuple(vars(module)), item.function.__doc__
-    return Ran(position, item.path.parent, path.as_posix(), module.__doc__, names, asked, found, so, docstring, report)
+    return Ran(position, item.path.parent, path.as_posix(), item.function.__doc__, report)
 
 
-def _studies(ran: Iterable[Ran], crashed: Iterable[tuple[Path, str]], before: Mapping[str, Study]) -> list[Study]:
-    """The studies after this run, by name; those whose module is gone are left out."""
+def _studies(run: Run, ran: Iterable[Ran], before: Mapping[str, Study]) -> list[Study]:
+    """The studies after this run, by name; those whose modules are gone are left out."""
     by_study: dict[str, list[Ran]] = {}
     for test in ran:
         by_study.setdefault(test.report.study, []).append(test)
-    seen = {*(test.folder for test in ran), *(module.parent for module, _ in crashed)}
+    seen = {*(test.folder for test in ran), *(module.parent for module, _ in run.crashed)}
     rooms = {_room(folder) for folder in seen}
     present = {study_of(path.parent) for room in rooms if room for path in room.rglob("test_*.py")}
     studies = {name: study for name, study in before.items() if name in present}
-    studies |= {name: merge(before.get(name), runs) for name, runs in by_study.items()}
-    lost = {(study_of(module.parent), test) for module, test in crashed}
+    studies |= {name: merge(before.get(name), runs, run.heading(runs[0].folder)) for name, runs in by_study.items()}
+    lost = {(study_of(module.parent), test) for module, test in run.crashed}
     return [marked(studies[name], lost) for name in CONTENTS.ordered(studies)]
 
 

@@ -1,6 +1,6 @@
 """What a study records: text, tables, figures, designs and claims, section by section.
 
-A study is a module `test_<study>.py`; each of its test functions is a section with a `Report` of its own. What is
+A study is a folder of test modules; each of their test functions is a section with a `Report` of its own. What is
 recorded goes to the stores of `store`; what depends on the clock or the machine goes to those of `timed`.
 """
 

@@ -8,6 +8,7 @@ import csv
 import io
 import json
 import re
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from inspect import cleandoc
@@ -16,6 +17,7 @@ from typing import Any, TypeVar
 
 from validation.harness.blocks import Block, Drawing, Frames, Pixels, Table, Text
 from validation.harness.claims import Claim, Reading, Value, rows_of
+from validation.harness.heading import Heading
 from validation.harness.report import RESERVED, Report
 from validation.harness.show import number
 
@@ -47,9 +49,8 @@ class Section:
 
 @dataclass(frozen=True)
 class Study:
-    """Sections in the order of the functions of `test_<name>.py`; title and introduction are its docstring, `asked` its
-    constant ASKED, `found` and `so` its constants FOUND and SO: sentences on what is measured rarely, with names of
-    claims in braces for their values."""
+    """Sections, title, introduction and question of a page, as `heading` has them; `found` and `so` are sentences on
+    what is measured rarely, with names of claims in braces for their values."""
 
     name: str
     title: str
@@ -111,17 +112,11 @@ class Study:
 @dataclass(frozen=True)
 class Ran:
     """A test function that ran or was skipped, fit to pass from one process to another: its place in the collection,
-    its module's folder, path, docstring, names in their order, question ASKED and constants FOUND and SO, its own
-    docstring and its recorder."""
+    its module's folder and path, its docstring and its recorder."""
 
     position: int
     folder: Path
     path: str
-    module: str | None
-    names: tuple[str, ...]
-    asked: str
-    found: tuple[str, ...]
-    so: tuple[str, ...]
     docstring: str | None
     report: Report
 
@@ -149,23 +144,31 @@ def section(runs: Sequence[Ran]) -> Section:
     )
 
 
-def merge(old: Study | None, runs: Sequence[Ran]) -> Study:
-    """The study of a module: its sections that ran, the old ones of its other functions, none of removed functions."""
+def merge(old: Study | None, runs: Sequence[Ran], heading: Heading) -> Study:
+    """The study of a folder: its sections that ran, the old ones of its other functions, none of removed functions.
+
+    Raises ValueError if two sections have a file of one name: processes beside each other cannot see that.
+    """
     name = runs[0].report.study
     by_test: dict[str, list[Ran]] = {}
     for run in runs:
         by_test.setdefault(run.report.test, []).append(run)
     known = {section.test: section for section in (old.sections if old else [])}
     known |= {test: section(of_test) for test, of_test in by_test.items()}
-    sections = [known[test] for test in runs[0].names if test in known]
-    return headed(Study(name, "", "", sections), runs[0])
+    sections = [known[test] for test in heading.tests if test in known]
+    blocks = [block for part in sections for block in (*part.opening, *part.blocks) if not isinstance(block, Text)]
+    if twice := [
+        file for (_, file), count in Counter((block.kind, block.file) for block in blocks).items() if count > 1
+    ]:
+        raise ValueError(f"{twice[0]} is recorded by two sections: give each table and figure of a study its own name")
+    return headed(Study(name, "", "", sections), heading)
 
 
-def headed(study: Study, run: Ran) -> Study:
-    """The study with the title, introduction and question that its module has now."""
-    title, introduction = _headed(run.module, study.name)
-    asked, found, so = cleandoc(run.asked), list(run.found), list(run.so)
-    return replace(study, title=title, introduction=introduction, asked=asked, found=found, so=so)
+def headed(study: Study, heading: Heading) -> Study:
+    """The study with the title, introduction and question that its folder has now."""
+    title, introduction = _headed(heading.docstring, study.name)
+    found, so = list(heading.found), list(heading.so)
+    return replace(study, title=title, introduction=introduction, asked=heading.asked, found=found, so=so)
 
 
 def marked(study: Study, crashed: Iterable[tuple[str, str]]) -> Study:

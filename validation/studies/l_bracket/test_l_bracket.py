@@ -12,87 +12,22 @@ cantilever's: biquadratic elements, 2 x 2 for each material point, stress at the
 the p-norm, so that it equals the paper's definition with one element for each point.
 """
 
-from itertools import takewhile
-from typing import Any
-
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 import pytest
-from joblib import Parallel, delayed
 
 from mpmtop.arrays import Array
-from mpmtop.criteria import Compliance
-from mpmtop.errors import NotConverged
-from mpmtop.optimizers import GCMMA, MMA, SingleStepGCMMA, UpdateRule, optimize
-from reference_fem.reanalyse import Judge, build_judge, judge_stress
 from validation import paper
 from validation.bodies.scenes import CORNER, SPACING, l_bracket
 from validation.bodies.sketch import CHOSEN, opening
 from validation.harness.lock import Lock
-from validation.harness.progress import ShowProgress
 from validation.harness.report import Report
 from validation.measures.drawing import draw_design, draw_points
-from validation.measures.timing import cpu_seconds, evaluation_with_gradient
-from validation.methods.analyser import (
-    JOBS,
-    METHODS,
-    MOVE,
-    PAPER_RULE,
-    ROUNDING_RISE,
-    Analyser,
-    DensityField,
-    Optimisation,
-)
+from validation.methods.analyser import METHODS, ROUNDING_RISE, Analyser, DensityField, Optimisation
+from validation.studies.l_bracket.rules import RTOL_ANALYSIS, RTOL_OPTIMUM
 
 ASKED = "Without crossing, does MPM find designs of low stress, and are they so in truth?"
-
-WARM = GCMMA(move=MOVE, warm_start=True)
-SOLVES = 500
-"""Solves each update rule is given for the comparison."""
-RULES: dict[str, UpdateRule] = {
-    "GCMMA": PAPER_RULE,
-    "single-step GCMMA": SingleStepGCMMA(move=MOVE),
-    "MMA": MMA(move=MOVE),
-}
-SHOWN = (10, 30, 60, 120)
-RTOL_OPTIMUM = 0.03
-"""Rounding of another processor is amplified over 250 iterations of an objective with p = 12 and many near-optima,
-whose values differ by one to two per cent."""
-RTOL_ANALYSIS = 1e-8
-"""One analysis of a given design, condition number 1e6."""
-
-
-@pytest.fixture(scope="module")
-def analysers() -> dict[str, Analyser]:
-    scene = l_bracket()
-    return {name: build(scene) for name, build in METHODS.items()}
-
-
-def optimise(method: str, rule: UpdateRule, solves: int | None) -> Optimisation:
-    """One run, of at most so many solves; a function of the module, for joblib."""
-    analyser = METHODS[method](l_bracket())
-    iterates = optimize(analyser.problem, rule, max_iterations=500)
-    return Optimisation.collect(takewhile(lambda i: solves is None or i.solves <= solves, iterates), analyser, SHOWN)
-
-
-@pytest.fixture(scope="module")
-def runs(progress: ShowProgress) -> dict[str, Optimisation]:
-    """Every method to convergence, and standard MPM by every rule for the same number of solves.
-
-    GIMP's problem is standard MPM's, number by number, as `test_optimisation` checks: so is its run.
-    """
-    # FEM first: it takes as long as all others together
-    cases: dict[str, tuple[str, UpdateRule, int | None]] = {n: (n, WARM, None) for n in ("FEM", "standard")}
-    cases |= {name: ("standard", rule, SOLVES) for name, rule in RULES.items()}
-    done = Parallel(n_jobs=JOBS, return_as="generator")(delayed(optimise)(*case) for case in cases.values())
-    results = dict(zip(cases, progress(done, "L-bracket runs"), strict=True))
-    return results | {"GIMP": results["standard"]}
-
-
-@pytest.fixture(scope="module")
-def judge(analysers: dict[str, Analyser]) -> Judge:
-    return build_judge(l_bracket(), analysers["standard"].x, analysers["standard"].half_length)
 
 
 def relaxed(analyser: Analyser, rho: Array) -> Array:
@@ -340,178 +275,3 @@ def test_reduction(report: Report, analysers: dict[str, Analyser], runs: dict[st
         f"iterations, and its final value is {1 - overshot.final / overshot.objective.max():.0%} below its own maximum",
     )
     assert table["final"].iloc[0] < table["initial"].iloc[0]
-
-
-def p_norm_of(judge: Judge, rho: Array) -> float:
-    """p-norm of a design on the fine reference."""
-    return judge_stress(judge, rho, judge(rho)).p_norm
-
-
-def cut_norm(judge: Judge, rho: Array) -> float:
-    """p-norm of a design cut to black and white; infinite if the cut leaves the load without a support."""
-    try:
-        return p_norm_of(judge, rho)
-    except NotConverged:
-        return np.inf
-
-
-@pytest.mark.slow
-def test_fine_reference(report: Report, lock: Lock, runs: dict[str, Optimisation], judge: Judge) -> None:
-    """Every final design on the fine reference
-
-    Each method is blind to what its own displacement field cannot resolve. Standard MPM and GIMP optimise four
-    densities in each cell over one bilinear displacement: where the optimiser leaves grey details smaller than a cell,
-    the points miss the stress there. Finite elements with one element for each density see most of it. The values that
-    MPM and FEM report for their own optima are nearly equal; on the reference the designs are far apart, **all of it in
-    grey material**: where rho >= 0.5 the largest stresses are alike. The p-norm of a grey, jagged or singular stress
-    field grows with refinement (compare 1 x 1 and 2 x 2), so the ratio shows that MPM misses stress, not how much. The
-    paper does not re-analyse its designs.
-    """
-    names = {"standard": "standard and GIMP, GCMMA warm", "FEM": "FEM, GCMMA warm"}
-    names |= {rule: f"standard, {rule}, {SOLVES} solves" for rule in RULES}
-    rows: dict[str, dict[str, Any]] = {}
-    fields: dict[str, Array] = {}
-    points = runs["standard"].design
-    coarse = build_judge(l_bracket(), points.x, points.half_length, split=1)
-    for run, name in names.items():
-        rho = runs[run].design.at(points.x)  # the points the judges were built on
-        stress = judge_stress(judge, rho, judge(rho))
-        fields[run] = stress.s
-        rows[name] = {
-            "p-norm by its method": runs[run].final,
-            "p-norm, 1 x 1": p_norm_of(coarse, rho),
-            "p-norm, 2 x 2": stress.p_norm,
-            "cut to black and white, 1 x 1": cut_norm(coarse, runs[run].design.black_and_white().at(points.x)),
-            "largest rho^q vm, 2 x 2": stress.largest,
-            "the same where rho >= 0.5": float(stress.s[rho[judge.owner] >= 0.5].max()),
-        }
-    table = pd.DataFrame.from_dict(rows, orient="index").rename_axis("design")
-    report.table(
-        "fine_reference",
-        table,
-        "Stress measures of the final designs [F/h] by their methods and on the fine reference, k x k biquadratic "
-        "elements for each point; cut: the densest points solid, the others void, at the same volume, "
-        "∞ if in pieces. The rows of 500 "
-        "solves are the last iterates of unfinished runs.",
-        4,
-    )
-    fine = {run: rows[name]["p-norm, 2 x 2"] for run, name in names.items()}
-    report.check(
-        "p-norm on the fine reference (2 x 2), design of standard MPM over that of FEM",
-        fine["standard"] / fine["FEM"],
-        source="for comparison: the paper gives MPM's own value only",
-    )
-    close = report.check(
-        "p-norm of FEM's design, fine reference (2 x 2) over its own value",
-        fine["FEM"] / runs["FEM"].final,
-        at_most=1.25,  # the singular corner alone adds 9 % to the p-norm of the uniform start
-        source="resolution of one element for each density",
-    )
-    own = {run: runs[run].final for run in ("standard", "FEM")}
-    true = {run: rows[names[run]]["p-norm, 1 x 1"] for run in own}  # the one that the pictures give
-    hidden = true["standard"] / own["standard"]
-    report.found(
-        f"For stress, MPM reports a p-norm of {own['standard']:.2f} where the fine reference finds "
-        f"{true['standard']:.2f}; FEM reports {own['FEM']:.2f} and the reference {true['FEM']:.2f}.",
-        front="Points as seeded",
-    )
-    report.so(
-        "MPM's stress designs hide stress in grey details smaller than a cell: judge them on a finer analysis."
-        if hidden > 1.25
-        else "MPM's stress designs hold on a finer analysis."
-    )
-    for run, name in {"FEM": "FEM", "standard": "MPM", "GIMP": "GIMP"}.items():
-        design = runs[run].design
-        row = rows[names["FEM" if run == "FEM" else "standard"]]  # GIMP's run is standard's
-        report.design(
-            f"design_{name}",
-            *(design.x, design.half_length, design.rho),
-            body="L-bracket",
-            method=name,
-            measure="p-norm of stress [F/h]",
-            own=runs[run].final,
-            true=row["p-norm, 1 x 1"],
-            front=True,
-        )
-    draw_fine_stress(report, judge, fields)
-    # the value of MPM's design hangs on grey details that another rounding places elsewhere: not locked
-    lock({"FEM": fine["FEM"]}, rtol=0.1)
-    assert close
-
-
-def draw_fine_stress(report: Report, judge: Judge, fields: dict[str, Array]) -> None:
-    figure, axes = plt.subplots(1, 2, figsize=(7.0, 3.4), sharey=True)
-    centres = judge.model.centres
-    for ax, run in zip(axes, ("standard", "FEM"), strict=True):
-        drawn = draw_points(
-            ax, centres, np.full_like(centres, SPACING / 4), fields[run], vmin=0, vmax=1.5, label="rho^q vm [F/h]"
-        )
-        ax.set(title=f"design of {run}")
-        ax.label_outer()
-    figure.colorbar(drawn, ax=axes, label=drawn.get_label(), extend="max")
-    report.figure("fine_reference", figure, "Relaxed stress of the optimised designs on the fine reference.")
-
-
-def best_feasible(run: Optimisation) -> Array:
-    """Least objective of any feasible design up to every iteration."""
-    return np.minimum.accumulate(np.where(run.volume <= 0.4 * (1 + 1e-6), run.objective, np.inf))
-
-
-@pytest.mark.slow
-def test_update_rules(report: Report, lock: Lock, runs: dict[str, Optimisation]) -> None:
-    """Update rules, by number of solves
-
-    A conservative step costs several solves. Whether monotonicity pays is a matter of the objective reached per solve,
-    not per iteration: every rule is given 500 solves. "GCMMA, warm" starts each inner loop at half the last curvature.
-    """
-    shown = {"GCMMA, warm": runs["standard"]} | {name: runs[name] for name in RULES}
-    figure, ax = plt.subplots()
-    rows: dict[str, dict[str, Any]] = {}
-    for name, run in shown.items():
-        used = run.solves <= SOLVES
-        best = best_feasible(run)[used]
-        ax.semilogy(run.solves[used], best, label=name)
-        rows[name] = {
-            "best feasible p-norm": best[-1],
-            "iterations": int(used.sum()) - 1,
-            "solves": run.solves[used][-1],
-            "iterations in which the p-norm rose": int(np.sum(run.rise[: used.sum() - 1] > ROUNDING_RISE)),
-        }
-    ax.set(xlabel="solves", ylabel="best feasible p-norm [F/h]", ylim=(1.1, 12), yticks=(1.2, 2, 5, 10))
-    ax.set_yticklabels(["1.2", "2", "5", "10"])
-    ax.minorticks_off()
-    ax.legend()
-    report.figure("update_rules", figure, "Best feasible p-norm of standard MPM against the solves spent.")
-    table = pd.DataFrame.from_dict(rows, orient="index").rename_axis("rule")
-    report.table("update_rules", table, f"Standard MPM after at most {SOLVES} solves.")
-    monotone = report.check(
-        "iterations in which the p-norm rose, both GCMMA",
-        rows["GCMMA"]["iterations in which the p-norm rose"]
-        + rows["GCMMA, warm"]["iterations in which the p-norm rose"],
-        0,
-        source="Svanberg (2002)",
-    )
-    least = min(rows, key=lambda name: rows[name]["best feasible p-norm"])
-    report.check("rule with the least p-norm after 500 solves", least, source="not compared there")
-    lock(
-        {name: run.final for name, run in shown.items() if "GCMMA" in name and "single" not in name}, rtol=RTOL_OPTIMUM
-    )
-    assert monotone
-
-
-def test_cost(report: Report) -> None:
-    """Cost of a p-norm evaluation with its gradient, beside compliance on the same scene
-
-    The adjoint takes one more solve with the factorisation of the state, no second factorisation.
-    """
-    problems = {
-        "p-norm": METHODS["standard"](l_bracket()).problem,
-        "compliance": METHODS["standard"](l_bracket(objective=Compliance())).problem,
-    }
-    seconds = cpu_seconds({name: evaluation_with_gradient(problem) for name, problem in problems.items()})
-    report.timing(
-        "CPU time of one evaluation with its gradient, compliance over p-norm",
-        seconds["compliance"] / seconds["p-norm"],
-        at_least=0.5,
-        source="one more solve, no second factorisation",
-    )

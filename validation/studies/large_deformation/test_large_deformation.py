@@ -17,8 +17,6 @@ from validation.bodies.large import GIMP, METHODS, Q2, SPLINE, STRETCHED, TENT, 
 from validation.harness.lock import Lock
 from validation.harness.report import Report
 from validation.studies.large_deformation.checks import energy_gap, rotated, uniform
-from validation.studies.large_deformation.crossings import induced_crossing, real_crossing
-from validation.studies.large_deformation.figures import crossing_figure, line_figure
 from validation.studies.large_deformation.levels import (
     BENT,
     LOADS,
@@ -29,13 +27,10 @@ from validation.studies.large_deformation.levels import (
     slender_elements,
     solid,
 )
-from validation.studies.large_deformation.smooth import SAMPLES, cost, lazy_loss, line
+from validation.studies.large_deformation.tolerances import ROUNDING, RTOL
 
 ASKED = "Where points cross cells because the body deforms, which method is right, and is its gradient worth having?"
-
-ROUNDING = 1e-12
-RTOL = 1e-6
-"""Newton's tolerance, 1e-11 of the forces, times the condition of what the background holds, 1e5."""
+THEN = ("test_gradients", "test_crossing")
 
 
 def test_uniform(report: Report) -> None:
@@ -289,167 +284,3 @@ def test_energy(report: Report, lock: Lock) -> None:
     # a difference of nearly equal numbers
     lock({f"{m}, {n}": gap for m, row in gaps.items() for n, gap in zip(steps, row, strict=True)}, rtol=1e-4)
     assert order
-
-
-@pytest.mark.slow
-def test_smoothness(report: Report, lock: Lock) -> None:
-    """The objective along a line of designs
-
-    A cantilever of 20 x 10 on cells of 2 x 2 with 200 points, whose tip goes down by some 15 % of the length in four
-    steps. Point moduli change along a line, by a fifth in all; the end compliance and its exact derivative are taken
-    at sixty places. A jump is what the objective changes by, between two of them, beyond the integral of the
-    derivative. The "consistent sensitivities" of the paper are those of a function; is there one?
-    """
-    lines = {method: line(method) for method in (TOTAL, TENT, GIMP)}
-    report.figure(
-        "line", line_figure(lines), "End compliance along the line, by its value at the start; and the jumps."
-    )
-    largest = {method: float(np.abs(found.jumps).max()) for method, found in lines.items()}
-    change = {method: float(np.ptp(found.J) / np.mean(found.J)) for method, found in lines.items()}
-    wrong = {
-        method: float(np.mean(np.sign(np.diff(found.J)) != np.sign(found.slope[:-1] + found.slope[1:])))
-        for method, found in lines.items()
-    }
-    table = pd.DataFrame({"largest jump": largest, "change of J along the line": change, "wrong sign": wrong})
-    report.table(
-        "line",
-        table.rename_axis("method").map(lambda value: value if value > 1e-9 else 0.0),
-        "Jumps and the whole change, by the mean of J; part of the difference quotients whose sign is not that of the "
-        "exact derivative.",
-        2,
-        percent=["wrong sign"],
-    )
-    none = report.check(
-        "total Lagrange: largest jump below 1e-9",
-        largest[TOTAL] < 1e-9,
-        True,
-        source="nothing crosses",
-        why="Newton's tolerance and the cubic rule's error",
-    )
-    smooth = report.check(
-        "GIMP on the fixed background: largest jump",
-        float(f"{largest[GIMP]:.1e}"),
-        at_most=1e-6,
-        source="weights with a continuous gradient",
-        why="what kinks of the derivative can leave between two places",
-    )
-    jumps = report.check(
-        "tent: largest jump",
-        largest[TENT],
-        at_least=1e-4,
-        source="a point that crosses changes its cell's stiffness at once",
-        why="a hundred times the bound for GIMP",
-    )
-    report.found(
-        f"Along a line of designs the tent's objective jumps by up to {largest[TENT]:.1e} of itself, where it changes "
-        f"by {change[TENT]:.1e} in all, and {wrong[TENT]:.0%} of its difference quotients have another sign than its "
-        f"exact derivative; GIMP's largest jump is {largest[GIMP]:.0e}."
-    )
-    report.so(
-        "Optimise with GIMP on a fixed background: the tent's exact gradient is not that of its objective's trend."
-    )
-    lock(
-        {
-            f"{method}, {k}": float(found.J[k])
-            for method, found in lines.items()
-            for k in (0, SAMPLES // 2, SAMPLES - 1)
-        },
-        rtol=RTOL,
-    )
-    assert none and smooth and jumps
-
-
-def test_lazy_adjoint(report: Report, lock: Lock) -> None:
-    """What a lazy adjoint loses
-
-    The adjoint of the load steps with the weights of every step taken as given, where in truth they depend on all
-    displacements before: |lazy - exact| / |exact| of the gradient by the points' moduli, in eight steps. The exact one
-    agrees with a complex step to ten digits (tests).
-    """
-    methods = (TOTAL, TENT, GIMP, STRETCHED, SPLINE)
-    loss = {method: lazy_loss(method) for method in methods}
-    table = pd.DataFrame.from_dict(loss, orient="index").rename_axis("method")
-    report.table("lazy", table, "Relative error of a lazy gradient.", 2, percent=list(table.columns))
-    none = report.check(
-        "total Lagrange: what a lazy adjoint loses", loss[TOTAL]["end compliance"], 0.0, source="nothing moves"
-    )
-    moving = [value for method in methods[1:] for value in loss[method].values()]
-    some = report.check(
-        "updated frame: least that a lazy adjoint loses, all methods and objectives",
-        min(moving),
-        at_least=1e-2,
-        source="weights depend on earlier displacements",
-        why="an optimiser's line search would notice one per cent",
-    )
-    report.found(
-        f"An adjoint that takes the weights as given misses {min(moving):.0%} to {max(moving):.0%} of the gradient."
-    )
-    lock({f"{m}, {name}": value for m in methods[1:] for name, value in loss[m].items()}, rtol=1e-5)
-    assert none and some
-
-
-@pytest.mark.slow
-def test_crossing(report: Report, lock: Lock) -> None:
-    """Induced crossing beside real crossing
-
-    The paper pushes points over cell boundaries and leaves the body where it is; here the body bends and they cross by
-    themselves, most of them in the first step. The bent beam above, in eight steps: at every step the points that have
-    left their cells, and the error of tip and stress against biquadratic elements, which are asked for the stress at
-    the points' places in the undeformed body. Beside them the same points at small strain, a growing
-    number of them pushed over the next boundary. In the total frame points move, but their weights stay.
-    """
-    found, induced = real_crossing(), induced_crossing()
-    report.figure(
-        "crossing",
-        crossing_figure(found, induced),
-        "Errors against the share of points that have crossed: by themselves, in a body that bends (left), and pushed "
-        "at small strain (right).",
-    )
-    rows = [("by themselves", m, *step) for m, steps in found.items() for step in steps[1::2]]
-    rows += [("pushed", m, *step) for m, steps in induced.items() for step in steps]
-    columns = ["crossing", "method", "crossed", "error of the tip", "error of the stress"]
-    report.table(
-        "crossing", pd.DataFrame(rows, columns=columns), "Share of points crossed, and errors.", 3, percent=["crossed"]
-    )
-    last = {m: steps[-1] for m, steps in found.items()}
-    pushed = {m: max(steps, key=lambda step: step.stress) for m, steps in induced.items()}
-    report.check(
-        "real crossing, full load: stress error of the tent by GIMP's",
-        last[TENT].stress / last[GIMP].stress,
-        source="for comparison",
-    )
-    report.check(
-        "induced crossing, at its worst: stress error of the tent by GIMP's",
-        pushed[TENT].stress / pushed[GIMP].stress,
-        source="for comparison",
-    )
-    report.found(
-        f"Once {last[TENT].share:.0%} of the points have crossed by themselves the tent's stress is off by "
-        f"{last[TENT].stress:.0%} and its tip by {abs(last[TENT].tip):.1%}, GIMP's by {last[GIMP].stress:.0%} and "
-        f"{abs(last[GIMP].tip):.1%}; with {pushed[TENT].share:.0%} of them pushed at small strain, "
-        f"{pushed[TENT].stress:.0%} and {abs(pushed[TENT].tip):.1%} beside {pushed[GIMP].stress:.0%} and "
-        f"{abs(pushed[GIMP].tip):.1%}."
-    )
-    lock({f"{m}, {k}": v for m, step in last.items() for k, v in step._asdict().items()}, rtol=1e-4)
-
-
-def test_cost(report: Report) -> None:
-    """Cost
-
-    CPU seconds of the load steps, of their gradient and of one linear analysis of the same points, side by side: the
-    cantilever of the line of designs on cells of half the side, 800 points by GIMP, four steps.
-    """
-    spent, newton = cost()
-    ratio = spent["gradient"] / spent["forward"]
-    table = pd.DataFrame.from_dict({"CPU seconds": spent}, orient="columns").rename_axis("what")
-    report.timed.table("cost", table, f"Median CPU seconds; {newton} Newton steps in all.", 3)
-    report.timing(
-        "gradient by forward",
-        ratio,
-        at_most=0.4,
-        source="one factorisation a step, beside one for each Newton step",
-        why="four to eight Newton steps a step, and the second derivatives of the weights",
-    )
-    report.timing(
-        "forward by one linear analysis", spent["forward"] / spent["linear analysis"], source="for comparison"
-    )

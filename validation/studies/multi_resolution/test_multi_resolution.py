@@ -10,80 +10,41 @@ A bilinear displacement on cells of size h cannot see how material lies inside a
 biquadratic elements of side h/6, one for each fine point.
 """
 
-from itertools import product
-from typing import Any
-
 import matplotlib.pyplot as plt
-import numpy as np
 import pandas as pd
 import pytest
-import scipy.sparse as sp
-from joblib import Parallel, delayed
 
-from mpmtop.arrays import Array
-from mpmtop.points import MaterialPoints, seed
-from mpmtop.quadtree import Quadtree, quadtree
-from mpmtop.shape_functions import gimp, tent
+from mpmtop.points import MaterialPoints
+from mpmtop.shape_functions import gimp
 from reference_fem import simp
-from reference_fem.reanalyse import Judge, build_judge, owners
+from reference_fem.reanalyse import Judge, build_judge
 from validation import paper
-from validation.bodies.scenes import H, changed, distributed_load
+from validation.bodies.scenes import distributed_load
 from validation.bodies.sketch import CHOSEN, opening
 from validation.harness.lock import Lock
 from validation.harness.progress import ShowProgress
 from validation.harness.report import Report
 from validation.measures.drawing import draw_design, draw_points
 from validation.measures.timing import cpu_seconds, iteration
-from validation.methods.analyser import Analyser, DensityField, Optimisation, material_points, no_stress
+from validation.methods.analyser import Analyser, Optimisation, material_points, no_stress
+from validation.studies.multi_resolution.resolutions import (
+    COARSE,
+    RTOL_OPTIMUM,
+    effective_radius,
+    leaves,
+    overlapping,
+    remapped,
+    standard,
+    stored_bytes,
+)
 
 ASKED = "Do more points on the same grid give better designs?"
-
-RTOL_OPTIMUM = 5e-3
-"""150 iterations of a non-convex optimisation amplify another processor's rounding; neighbouring optima of this scene
-differ by a few 1e-3."""
-COARSE, FINE = H / 3, H / 6
-MIDDLE = 7.5 * H
-RADII = (0.5 * H, 1.0 * H)
-"""Filter radii of the sweep."""
-CONTRASTS = (1e-4, 1e-6)
-"""E_min / E0 of the sweep's fine reference: loads that hang on void have a finite compliance."""
-SWEEP_ITERATIONS = 60
-"""The layout is formed by then, and with it the artefact."""
-PPC = (1, 2, 3, 4, 6, 8)
-"""Points per cell and direction of the sweep."""
-
-
-def leaves() -> dict[str, Quadtree]:
-    """Low, high, and multi resolution with the 23rd row, cut in half by the middle, fine."""
-    low = quadtree(distributed_load().body.domain, (COARSE, COARSE))
-    return {
-        "low": low,
-        "multi, quadtree": low.refine(low.centre[:, 1] > MIDDLE - 1e-9),
-        "high": low.refine(np.ones(len(low.level), dtype=bool)),
-    }
-
-
-def overlapping() -> MaterialPoints:
-    """The paper's 10,170 points: 45 fine rows from the top, 23 coarse ones from the bottom."""
-    fine, coarse = (seed(distributed_load().body.domain, (side, side)) for side in (FINE, COARSE))
-    above, below = fine.x[:, 1] > MIDDLE, coarse.x[:, 1] < MIDDLE + 1e-9
-    return MaterialPoints(
-        *(
-            np.concatenate([getattr(fine, field)[above], getattr(coarse, field)[below]])
-            for field in ("x", "volume", "half_length")
-        )
-    )
 
 
 @pytest.fixture(scope="module")
 def grids() -> dict[str, MaterialPoints]:
     trees = {name: tree.points() for name, tree in leaves().items()}
     return {"low": trees["low"], "multi, paper": overlapping()} | trees
-
-
-def standard(points: MaterialPoints, radius: float = 1.0 * H) -> Analyser:
-    """Standard MPM; GIMP is the same as long as no domain leaves its cell."""
-    return material_points(tent, "standard", points=points)(distributed_load(radius))
 
 
 @pytest.fixture(scope="module")
@@ -102,30 +63,6 @@ def runs(analysers: dict[str, Analyser], progress: ShowProgress) -> dict[str, Op
 @pytest.fixture(scope="module")
 def judge(grids: dict[str, MaterialPoints]) -> Judge:
     return build_judge(distributed_load(), grids["high"].x, grids["high"].half_length, split=1)
-
-
-def remapped(design: DensityField, fine: MaterialPoints) -> Array:
-    """Densities of a design at finer points: of the rectangle that holds each, the nearest if two do."""
-    return design.rho[owners(fine.x, design.x, design.half_length)]
-
-
-def effective_radius(analyser: Analyser) -> float:
-    """Radius of the continuous cone whose second moment, 0.3 R^2, is the filter's mean over the inner points."""
-    problem: Any = analyser.problem
-    matrix = sp.csr_array(problem.filter.matrix if hasattr(problem, "filter") else problem.H)
-    x, radius = analyser.x, analyser.scene.design.filter_radius
-    row, column = matrix.nonzero()
-    moment = np.bincount(row, matrix[row, column] * np.sum((x[row] - x[column]) ** 2, axis=1))
-    lower, upper = analyser.scene.body.domain.bounds
-    inner = np.all((x > lower + radius) & (x < upper - radius), axis=1)
-    return float(np.sqrt(moment[inner].mean() / 0.3))
-
-
-def stored_bytes(analyser: Analyser) -> int:
-    """Bytes of the operators that an iteration uses: moduli to stiffness, strain, filter."""
-    problem: Any = analyser.problem  # of material points
-    operators = (problem.model.stiffness.data_map, problem.model.transfer.B, problem.filter.matrix)
-    return sum(part.nbytes for m in operators for part in (m.data, m.indices, m.indptr))
 
 
 @pytest.mark.slow
@@ -288,114 +225,3 @@ def test_cost(report: Report, analysers: dict[str, Analyser], runs: dict[str, Op
         source="our reading of “minimizing computational costs elsewhere”, of the whole run",
     )
     assert less
-
-
-def sweep_case(ppc: int, radius: float) -> Optimisation:
-    """One entry of the sweep, ended after SWEEP_ITERATIONS; a function of the module, for joblib."""
-    rows = max(1, round(ppc / 3))  # the load lies within about h/3 of the edge, as far as points do
-    scene = distributed_load(radius, depth=rows * H / ppc)
-    points = seed(scene.body.domain, (H / ppc, H / ppc))
-    return Optimisation.of(material_points(tent, "standard", points=points)(scene), iterations=SWEEP_ITERATIONS)
-
-
-@pytest.mark.slow
-def test_sub_cell_designs(report: Report, lock: Lock, progress: ShowProgress) -> None:
-    """Points per cell against filter radius: apparent and true compliance
-
-    Refining the design and leaving the analysis as it is lowers the compliance that the analysis reports. Whether it
-    lowers the real one depends on the filter. With a radius of h the design cannot vary within a cell by much, and the
-    two stay together (but for one point per cell, of which that filter averages none). With h/2 it can: the optimiser
-    finds arrangements of grey points that a bilinear displacement on the cell takes for stiff, disconnected or hinged
-    though they are: the "QR-patterns" of Gupta, Langelaar and van Keulen (2018), Struct. Multidisc. Optim. 58:1335. The
-    fine reference, bilinear elements of side h/6 or h/8, sees through them. Its E_min is 1e-4 E0 here, and 1e-6 E0 for
-    comparison: where the compliance grows with 1/E_min, material does not carry the load at all, and its value says no
-    more than that.
-
-    This may be the reason for the paper's lower compliance at high resolution. It states no filter radius; if that is a
-    number of points, it shrinks in h as points are refined, and what is gained is the artefact.
-    """
-    cases = [(ppc, radius) for radius in RADII for ppc in PPC]
-    done = Parallel(return_as="generator")(delayed(sweep_case)(*case) for case in cases)
-    runs = dict(zip(cases, progress(done, "points per cell and radius"), strict=True))
-    judges = {}
-    for side, contrast in product((6, 8), CONTRASTS):
-        scene = changed(distributed_load(), contrast=contrast)
-        fine = seed(scene.body.domain, (H / side, H / side))
-        judges[side, contrast] = fine, build_judge(scene, fine.x, fine.half_length, split=1, order=1)
-    rows: dict[tuple[int, float], dict[str, Any]] = {}
-    for (ppc, radius), run in runs.items():
-        side = 8 if 8 % ppc == 0 and ppc > 2 else 6
-        soft, softer = (
-            judge(remapped(run.design, fine)).compliance for fine, judge in (judges[side, c] for c in CONTRASTS)
-        )
-        rows[ppc, radius] = {
-            "points": len(run.design.x),
-            "apparent": run.final,
-            "true": soft,
-            "true / apparent": soft / run.final,
-            "true, E_min = 1e-6 E0": softer,
-            "carried by": "void" if softer > 2 * soft else "material",
-            "element / h": f"1/{side}",
-        }
-    table = pd.DataFrame.from_dict(rows, orient="index").rename_axis(["points per cell and direction", "radius / h"])
-    report.table("sub_cell", table, f"Compliance after at most {SWEEP_ITERATIONS} iterations.", 4)
-    small, large = RADII
-    artefact = report.check(
-        "true over apparent compliance, 6 x 6 points per cell, radius h/2",
-        rows[6, small]["true / apparent"],
-        at_least=2.0,
-        source="Gupta et al. (2018): QR-patterns",
-    )
-    honest = report.check(
-        "true over apparent compliance, largest for 2 x 2 and more points per cell, radius h",
-        max(rows[ppc, large]["true / apparent"] for ppc in PPC[1:]),
-        at_most=1.25,  # cells of h alone are a few per cent too stiff
-        source="our bound",
-    )
-    apparent = rows[3, large]["apparent"] / rows[6, small]["apparent"]
-    true = rows[3, large]["true"] / rows[6, small]["true"]
-    report.check(
-        "filter of three points: apparent compliance, low over high resolution",
-        apparent,
-        at_least=1.0,
-        source=paper.MORE_POINTS_LESS_COMPLIANCE,
-    )
-    report.check(
-        "filter of three points: true compliance, low over high resolution",
-        true,
-        at_least=1.0,
-        source=paper.MORE_POINTS_LESS_COMPLIANCE,
-        reason="a radius of three points shrinks with them, and what is gained is an artefact: the true compliance of "
-        f"the high resolution is {rows[6, small]['true / apparent']:.3g} times the reported one",
-    )
-    worst = max((row["true / apparent"], case) for case, row in rows.items())
-    report.found(
-        f"With a filter of radius {worst[1][1]:g} h and {worst[1][0]} x {worst[1][0]} points per cell the true "
-        "compliance is "
-        f"{worst[0]:.0f} times what MPM reports.",
-    )
-    large_worst = max(rows[ppc, large]["true / apparent"] for ppc in PPC[1:])
-    report.so(
-        f"Keep the filter radius at a cell at least, whatever the number of points: true compliance is then at most "
-        f"{large_worst:.2f} times the reported one, with smaller radii up to {worst[0]:.0f} times.",
-        front="What to do",
-    )
-    false = runs[worst[1]]
-    report.design(
-        "false_design",
-        *(false.design.x, false.design.half_length, false.design.rho),
-        body="A design that its own analysis praises and the judge condemns",
-        method=f"MPM, radius {worst[1][1]:g} h, {worst[1][0]} x {worst[1][0]} points per cell",
-        measure="compliance [F²/E0]",
-        own=false.final,
-        true=rows[worst[1]]["true"],
-    )
-    figure, ax = plt.subplots()
-    for radius in RADII:
-        for kind in ("apparent", "true"):
-            ax.semilogy(PPC, [rows[ppc, radius][kind] for ppc in PPC], marker="o", label=f"{kind}, radius {radius:g} h")
-    ax.set(xlabel="points per cell and direction", ylabel="compliance [F²/E0]")
-    ax.legend()
-    report.figure("sub_cell", figure, "Apparent and true compliance against points per cell.")
-    lock({f"apparent, {ppc}, {r:g}": row["apparent"] for (ppc, r), row in rows.items()}, rtol=RTOL_OPTIMUM)
-    assert artefact and honest

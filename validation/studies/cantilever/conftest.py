@@ -1,0 +1,27 @@
+"""Fixtures of the study: the cantilever by every method, optimised designs, and their judge."""
+
+import pytest
+
+from reference_fem.reanalyse import Judge, build_judge
+from validation.bodies.scenes import cantilever
+from validation.methods.analyser import METHODS, Analyser, Optimisation
+
+SHOWN = (5, 10, 20, 40)
+"""Iterations whose layout is drawn, besides the last."""
+
+
+@pytest.fixture(scope="package")
+def analysers() -> dict[str, Analyser]:
+    scene = cantilever()
+    return {name: build(scene) for name, build in METHODS.items()}
+
+
+@pytest.fixture(scope="package")
+def optimisations(analysers: dict[str, Analyser]) -> dict[str, Optimisation]:
+    return {name: Optimisation.of(analyser, keep=SHOWN) for name, analyser in analysers.items()}
+
+
+@pytest.fixture(scope="package")
+def judge(analysers: dict[str, Analyser]) -> Judge:
+    points = analysers["standard"]
+    return build_judge(cantilever(), points.x, points.half_length)

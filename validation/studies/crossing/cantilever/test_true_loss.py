@@ -1,0 +1,225 @@
+"""What designs optimised with crossing have lost in truth, and the paper's numbers."""
+
+import pandas as pd
+import pytest
+
+from reference_fem.reanalyse import Judge
+from validation import paper
+from validation.bodies.crossing import moved
+from validation.harness.lock import Lock
+from validation.harness.report import Report
+from validation.harness.show import changed
+from validation.methods.analyser import Analyser, Optimisation
+from validation.paper import Compared, compare
+from validation.studies.crossing.cantilever.calibration import NAMES, REPRODUCTION, RTOL_OPTIMUM, Calibration
+
+# points are moved off the clamp and over grid lines on purpose
+pytestmark = pytest.mark.filterwarnings("ignore::mpmtop.diagnose.ModelWarning")
+
+RTOL_COMPLIANCE, RTOL_RISE = 0.0125, 0.1
+"""Agreement with the paper: an optimum to what it scatters by update rule and start (1.2 %, study of open choices); a
+rise to a tenth, being itself what crossing makes."""
+
+
+@pytest.mark.slow
+def test_true_loss(
+    report: Report,
+    lock: Lock,
+    calibrations: dict[str, Calibration],
+    uncrossed: Analyser,
+    still: Optimisation,
+    runs: dict[tuple[str, str], Optimisation],
+    judge: Judge,
+) -> None:
+    """What the designs have lost in truth
+
+    The paper compares each optimum by the analysis that made it: the **apparent** loss, which mixes the worse design
+    with the error of its analysis. Analysed again without crossing, and on the fine reference, only the design is left.
+    The wave shows that the apparent loss may also hide a true one.
+    """
+    best = judge(still.design.at(uncrossed.x)).compliance
+    rows = {}
+    for (family, name), run in runs.items():
+        fine = judge(run.design.at(uncrossed.x)).compliance
+        rows[str(calibrations[family].crossing), name] = {
+            "apparent loss": run.final / still.final - 1,
+            "without crossing": uncrossed.compliance(run.design) / still.final - 1,
+            "fine reference": fine / best - 1,
+            "compliance, fine reference": fine,
+        }
+    table = pd.DataFrame.from_dict(rows, orient="index").rename_axis(["crossing", "method"])
+    report.table(
+        "true_loss",
+        table,
+        f"Loss against the design optimised without crossing ({best:.5g} on the fine reference), by three analyses.",
+        4,
+    )
+    crossing = str(calibrations[REPRODUCTION].crossing)
+    standard, gimp = rows[crossing, "standard"], rows[crossing, "GIMP"]
+    holds = [
+        report.check(
+            f"optimum of standard over that of GIMP, own analyses, {crossing}",
+            runs[REPRODUCTION, "standard"].final / runs[REPRODUCTION, "GIMP"].final,
+            at_least=1.0,
+            source=paper.STANDARD_HIGHER,
+        ),
+        report.check(
+            f"optimum of standard over that of GIMP, fine reference, {crossing}",
+            standard["compliance, fine reference"] / gimp["compliance, fine reference"],
+            at_least=1.0,
+            source=paper.STANDARD_HIGHER,
+        ),
+        report.check(
+            f"apparent loss of GIMP, {crossing}",
+            gimp["apparent loss"],
+            at_most=0.05,
+            source="half of standard's",
+            unit="%",
+        ),
+    ]
+    report.check(
+        f"true loss of optimality, standard, {crossing}",
+        standard["fine reference"],
+        source="for comparison: the paper judges no design by another analysis",
+        unit="%",
+    )
+    report.check(
+        f"true loss of optimality, GIMP, {crossing}", gimp["fine reference"], source="for comparison", unit="%"
+    )
+    spline = rows[crossing, "quadratic B-spline"]
+    named = {"standard": "MPM, crossed", "GIMP": "GIMP, crossed", "quadratic B-spline": "B-spline, crossed"}
+    report.found(
+        f"{moved(calibrations[REPRODUCTION].crossing)}, the true compliance of designs is "
+        f"{changed(standard['fine reference'])} with standard MPM, {changed(gimp['fine reference'])} with GIMP, "
+        f"{changed(spline['fine reference'])} with quadratic B-splines; the methods themselves report "
+        f"{standard['apparent loss']:+.1%}, {gimp['apparent loss']:+.1%} and {spline['apparent loss']:+.1%}.",
+        front="Points have crossed cells",
+    )
+    order = sorted((row["fine reference"], name) for name, row in (("standard MPM", standard), ("GIMP", gimp)))
+    report.so(
+        f"Keep points as seeded where you can; if they have crossed, take {order[0][1]} rather than {order[1][1]}"
+        + (", or quadratic B-splines" if spline["fine reference"] < order[0][0] else "")
+        + ", and judge the final design by a finer analysis (`reference_fem.reanalyse`).",
+        front="What to do",
+    )
+    for name, shown in named.items():
+        run = runs[REPRODUCTION, name]
+        report.design(
+            f"design_{shown.partition(',')[0]}",
+            *(run.design.x, run.design.half_length, run.design.rho),
+            body="Cantilever",
+            method=shown,
+            measure="compliance [F²/E0]",
+            own=run.final,
+            true=rows[crossing, name]["compliance, fine reference"],
+            front=True,
+        )
+    cut = {shown: runs[REPRODUCTION, name].design.black_and_white() for name, shown in named.items()}
+    cut["MPM, as seeded"] = still.design.black_and_white()
+    black = {name: judge(design.at(uncrossed.x)).compliance for name, design in cut.items()}
+    true = {shown: rows[crossing, name]["compliance, fine reference"] for name, shown in named.items()}
+    true["MPM, as seeded"] = best
+    report.table(
+        "thresholded",
+        pd.DataFrame({"fine reference": true, "cut to black and white": black}).rename_axis("design of"),
+        f"The same designs cut to black and white at their volume, compliance on the fine reference, {crossing}.",
+        4,
+    )
+    excess = {
+        str(c): rows[str(c), "standard"]["fine reference"] - rows[str(c), "GIMP"]["fine reference"]
+        for c, _ in calibrations.values()
+    }
+    for label, more in excess.items():
+        report.check(f"true loss of optimality, standard less GIMP, {label}", more, source="for comparison", unit="%")
+    worse = [label for label, more in excess.items() if more < 0]
+    report.text(
+        "On the fine reference standard's design is the worse one, as by the own analyses"
+        + (f", but for {', '.join(worse)}: there GIMP's is the worse." if worse else ", in every family.")
+    )
+    lock({f"{c}, {name}": row["compliance, fine reference"] for (c, name), row in rows.items()}, rtol=RTOL_OPTIMUM)
+    assert all(holds)
+
+
+@pytest.mark.slow
+def test_numbers_of_the_paper(
+    report: Report,
+    calibrations: dict[str, Calibration],
+    still: Optimisation,
+    runs: dict[tuple[str, str], Optimisation],
+) -> None:
+    """Every number of Sect. 5.2.1
+
+    Compliances are compared as they are, since the uncrossed one was calibrated (cantilever study); increases to the
+    paper's own percentages, which its own compliances do not give (errata: +8.9 % and +3.5 %).
+    """
+    crossing, rise = calibrations[REPRODUCTION]
+    final = {name: runs[REPRODUCTION, name].final for name in NAMES}
+    shift = str(crossing)
+    compliance = f"{RTOL_COMPLIANCE:.2%}: what the optimum scatters by update rule and start"
+    tenth = f"{RTOL_RISE:.0%} of it: a rise is what crossing makes"
+    spread = [runs[family, "standard"].final / still.final - 1 for family in calibrations]
+    depends = (
+        "the pattern is ours: calibrated on one number, the families raise the optimum of standard by "
+        f"{min(spread):.1%} to {max(spread):.1%}"
+    )
+    base = f"the optimum without crossing is {still.final / paper.CANTILEVER_COMPLIANCE.value - 1:+.1%} off already; "
+    compare(
+        report,
+        (
+            Compared(
+                "rise of the tip displacement of the solid, standard",
+                paper.CANTILEVER_CROSSING_TIP_STANDARD,
+                rise["standard"],
+                f"{shift}, chosen for it",
+                RTOL_RISE,
+                tenth,
+            ),
+            Compared(
+                "rise of the tip displacement of the solid, GIMP",
+                paper.CANTILEVER_CROSSING_TIP_GIMP,
+                rise["GIMP"],
+                shift,
+                None,
+                "the paper's bound",
+                "a column that jumps alone leaves a gap and makes an overlap, and GIMP counts both; under the wave, "
+                f"where neighbours move alike, it rises by {calibrations['wave(n, 0.26)'].rise['GIMP']:.1%}",
+            ),
+            Compared(
+                "optimum, standard",
+                paper.CANTILEVER_CROSSING_STANDARD,
+                final["standard"],
+                shift,
+                RTOL_COMPLIANCE,
+                compliance,
+                base + depends,
+            ),
+            Compared(
+                "optimum, GIMP",
+                paper.CANTILEVER_CROSSING_GIMP,
+                final["GIMP"],
+                shift,
+                RTOL_COMPLIANCE,
+                compliance,
+                base + f"its rise is {final['GIMP'] / still.final - 1:.1%}, the paper's own numbers give "
+                f"{paper.CANTILEVER_CROSSING_GIMP.value / paper.CANTILEVER_COMPLIANCE.value - 1:.1%}",
+            ),
+            Compared(
+                "rise of the optimum, standard",
+                paper.CANTILEVER_CROSSING_STANDARD_INCREASE,
+                final["standard"] / still.final - 1,
+                shift,
+                RTOL_RISE,
+                tenth,
+                depends,
+            ),
+            Compared(
+                "rise of the optimum, GIMP",
+                paper.CANTILEVER_CROSSING_GIMP_INCREASE,
+                final["GIMP"] / still.final - 1,
+                shift,
+                RTOL_RISE,
+                tenth,
+                depends,
+            ),
+        ),
+    )

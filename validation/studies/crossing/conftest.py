@@ -1,0 +1,11 @@
+"""Points of the solid cantilever, as seeded."""
+
+import pytest
+
+from mpmtop.points import MaterialPoints, seed
+from validation.bodies.scenes import SPACING, cantilever
+
+
+@pytest.fixture(scope="package")
+def uniform() -> MaterialPoints:
+    return seed(cantilever().body.domain, (SPACING, SPACING))

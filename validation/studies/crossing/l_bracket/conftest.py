@@ -1,0 +1,28 @@
+"""Fixtures of the study: analyses of the bracket, optimised designs, and their judge."""
+
+import pytest
+from joblib import Parallel, delayed
+
+from reference_fem.reanalyse import Judge, build_judge
+from validation.bodies.scenes import l_bracket
+from validation.harness.progress import ShowProgress
+from validation.methods.analyser import JOBS, METHODS, SHAPE_FUNCTIONS, Analyser, Optimisation
+from validation.studies.crossing.l_bracket.bracket import CROSSING, RUNS, build, optimise
+
+
+@pytest.fixture(scope="package")
+def analysers() -> dict[str, Analyser]:
+    """Every shape function with crossing, standard without, and finite elements."""
+    crossed = {name: build(name, CROSSING) for name in SHAPE_FUNCTIONS}
+    return {"standard, no crossing": build("standard", None), "FEM": METHODS["FEM"](l_bracket())} | crossed
+
+
+@pytest.fixture(scope="package")
+def runs(progress: ShowProgress) -> dict[str, Optimisation]:
+    done = Parallel(n_jobs=JOBS, return_as="generator")(delayed(optimise)(*case) for case in RUNS.values())
+    return dict(zip(RUNS, progress(done, "crossed brackets"), strict=True))
+
+
+@pytest.fixture(scope="package")
+def judge(analysers: dict[str, Analyser]) -> Judge:
+    return build_judge(l_bracket(), analysers["FEM"].x, analysers["FEM"].half_length, split=1)
