@@ -3,7 +3,7 @@
 import re
 import time
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -17,7 +17,7 @@ from mpmtop.arrays import Array
 from mpmtop.criteria import Compliance, PNormStress
 from mpmtop.filter import DensityFilter
 from mpmtop.optimizers import GCMMA, initial_state
-from mpmtop.problem import DesignProblem, Evaluation, design_problem
+from mpmtop.problem import DesignProblem, Evaluation, Term, design_problem
 from mpmtop.solvers import MultigridCG, Pattern, Solve, Solver, SparseCholesky, choose_solver
 from mpmtop.solvers.multigrid_cg import IteratedSolve
 from validation.bodies.scenes import SPACING, H, cantilever
@@ -140,9 +140,9 @@ class TimedProblem(DesignProblem):
         with self.clock("residual, objective"):
             return super().evaluate(design)
 
-    def density_gradient(self, evaluation: Evaluation) -> Array:
+    def _by_density(self, terms: Iterable[Term], evaluation: Evaluation) -> Array:
         with self.clock("gradient"):
-            return super().density_gradient(evaluation)
+            return super()._by_density(terms, evaluation)
 
 
 class Measurement(NamedTuple):
