@@ -6,7 +6,7 @@ import numpy as np
 
 from mpmtop.arrays import Array
 from mpmtop.optimizers.mma import advance, approximate, step_once
-from mpmtop.optimizers.protocols import E, Problem, State
+from mpmtop.optimizers.protocols import E, Problem, State, objectives
 from mpmtop.optimizers.state import check_move, scaled_functions, scaled_values, variable_range
 from mpmtop.optimizers.subproblem import SMALLEST, approximation, solve_subproblem
 
@@ -28,16 +28,17 @@ class SingleStepGCMMA:
     def step(self, problem: Problem[E], state: State, evaluation: E, df0: Array, dg: Array) -> tuple[State, E, int]:
         """Next state, its evaluation and the solves spent (1); NotConverged if a value is not finite."""
         state, f, df = scaled_functions(problem, state, evaluation, df0, dg)
-        return step_once(problem, state, f, df, _start_curvature(problem, df), self.move)
+        return step_once(problem, state, f, df, _start_curvature(problem, df), self.move, len(objectives(evaluation)))
 
 
 @dataclass(frozen=True)
 class GCMMA:
     """Globally convergent MMA: a design is accepted once f~_i >= f_i there for every i.
 
-    So the objective cannot rise from a feasible design. Until then rho_i <- min(1.1 (rho_i + delta_i), 10 rho_i) where
-    f~_i fell short, delta_i = (f_i - f~_i) / (d f~_i / d rho_i). After `max_inner` solves the last, most cautious
-    design is taken. `warm_start` begins at half the last accepted curvature, not at `SingleStepGCMMA`'s.
+    So the objective, of several the largest, cannot rise from a feasible design. Until then rho_i <- min(1.1 (rho_i +
+    delta_i), 10 rho_i) where f~_i fell short, delta_i = (f_i - f~_i) / (d f~_i / d rho_i). After `max_inner` solves the
+    last, most cautious design is taken. `warm_start` begins at half the last accepted curvature, not at
+    `SingleStepGCMMA`'s.
     """
 
     move: float = 0.3
@@ -55,16 +56,16 @@ class GCMMA:
         rho = _start_curvature(problem, df)
         if self.warm_start and state.iteration > 0:
             rho = np.maximum(LEAST_CURVATURE, 0.5 * state.curvature)
-        solves = 0
+        solves, k = 0, len(objectives(evaluation))
         while True:
-            sub = approximate(problem, state, f, df, rho, self.move)
+            sub = approximate(problem, state, f, df, rho, self.move, k)
             r = solve_subproblem(sub)
             new_state = advance(problem, state, sub, r, rho)
             new = problem.evaluate(new_state.x)
             solves += 1
             f_new = scaled_values(new_state, new)
             size = np.abs(f_new)
-            size[1:] = np.maximum(size[1:], 1)
+            size[k:] = np.maximum(size[k:], 1)
             shortfall = f_new - approximation(sub, r)
             short = shortfall > CONSERVATIVE_TOL * size
             if solves == self.max_inner or not np.any(short):

@@ -13,6 +13,9 @@ variables y_i = max(0, lam_i - c) every subproblem has a solution: a constraint 
 c y + y^2 / 2, where no step within the limits would meet it (`solve_subproblem`). The objective is scaled in here
 (`scaled_functions`); constraints should be of order one.
 
+Of several objectives f_0l the largest is minimised: z subject to f_0l(x) <= z, with a bound variable z that is no part
+of the design. Every one has its approximation, and z is eliminated from the subproblem.
+
 Sources: K. Svanberg, Int. J. Numer. Meth. Engng 24 (1987) 359; SIAM J. Optim. 12 (2002) 555; "MMA and GCMMA - two
 methods for nonlinear optimization" (2007).
 """
@@ -22,7 +25,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mpmtop.arrays import Array
-from mpmtop.optimizers.protocols import E, Problem, State
+from mpmtop.optimizers.protocols import E, Problem, State, objectives
 from mpmtop.optimizers.state import check_move, scaled_functions, scaled_values, variable_range
 from mpmtop.optimizers.subproblem import AT_ONCE, Subproblem, solve_subproblem
 
@@ -42,17 +45,20 @@ class MMA:
     def step(self, problem: Problem[E], state: State, evaluation: E, df0: Array, dg: Array) -> tuple[State, E, int]:
         """Next state, its evaluation and the solves spent (1); NotConverged if a value is not finite."""
         state, f, df = scaled_functions(problem, state, evaluation, df0, dg)
-        return step_once(problem, state, f, df, np.full(len(f), MMA_CURVATURE), self.move)
+        k = len(objectives(evaluation))
+        return step_once(problem, state, f, df, np.full(len(f), MMA_CURVATURE), self.move, k)
 
 
-def approximate(problem: Problem[E], state: State, f: Array, df: Array, rho: Array, move: float) -> Subproblem:
-    """Subproblem at state.x from f (m+1,), df (m+1, n) and curvature rho (m+1,); asymptotes after Svanberg (2007).
+def approximate(
+    problem: Problem[E], state: State, f: Array, df: Array, rho: Array, move: float, objectives: int = 1
+) -> Subproblem:
+    """Subproblem at state.x from f (k+m,), df (k+m, n) and curvature rho (k+m,); asymptotes after Svanberg (2007).
 
     sigma is half the range for two iterations, then 1.2 times the last where a variable went on in one direction and
     0.7 times where it turned, within 0.01 and 10 ranges. A tenth of sigma is kept to the asymptote.
     """
     n = len(state.x)
-    sub = Subproblem(f, np.empty((len(f), n)), np.empty((len(f), n)), np.empty(n), np.empty(n), np.empty(n))
+    sub = Subproblem(f, np.empty((len(f), n)), np.empty((len(f), n)), np.empty(n), np.empty(n), np.empty(n), objectives)
     span = variable_range(problem)
     for first in range(0, n, AT_ONCE):
         part = slice(first, first + AT_ONCE)
@@ -87,9 +93,11 @@ def advance(problem: Problem[E], state: State, sub: Subproblem, r: Array, rho: A
     return State(x, state.x, state.x_old, low, upp, rho, state.iteration + 1, state.scale)
 
 
-def step_once(problem: Problem[E], state: State, f: Array, df: Array, rho: Array, move: float) -> tuple[State, E, int]:
+def step_once(
+    problem: Problem[E], state: State, f: Array, df: Array, rho: Array, move: float, objectives: int
+) -> tuple[State, E, int]:
     """One subproblem, one solve, no question asked."""
-    sub = approximate(problem, state, f, df, rho, move)
+    sub = approximate(problem, state, f, df, rho, move, objectives)
     new_state = advance(problem, state, sub, solve_subproblem(sub), rho)
     new = problem.evaluate(new_state.x)
     scaled_values(new_state, new)

@@ -38,7 +38,10 @@ class OptimalityCriteria:
         state, f, df = scaled_functions(problem, state, evaluation, df0, dg)
         movable = problem.upper > problem.lower
         if len(f) != 2 or not np.all(df[1, movable] > 0):
-            raise ValueError("optimality criteria need one constraint that grows with every variable: use MMA or GCMMA")
+            raise ValueError(
+                "optimality criteria need one objective and one constraint that grows with every variable: use MMA or "
+                "GCMMA"
+            )
         x, limit = state.x, self.move * (problem.upper - problem.lower)
         x_min, x_max = np.maximum(problem.lower, x - limit), np.minimum(problem.upper, x + limit)
         benefit = np.sqrt(np.maximum(-df[0], 0) / np.where(movable, df[1], 1))

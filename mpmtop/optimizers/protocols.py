@@ -3,11 +3,17 @@
 from dataclasses import dataclass
 from typing import Protocol, TypeVar
 
+import numpy as np
+
 from mpmtop.arrays import Array
 
 
 class Evaluation(Protocol):
-    """What one analysis of a design yields."""
+    """What one analysis of a design yields.
+
+    Where the largest of several functions is sought to be small, the evaluation has `objectives` (k,), too, and the
+    objective is the largest of them.
+    """
 
     @property
     def objective(self) -> float:
@@ -16,6 +22,11 @@ class Evaluation(Protocol):
     @property
     def constraints(self) -> Array:
         """g (m,), feasible where g <= 0."""
+
+
+def objectives(evaluation: Evaluation) -> Array:
+    """All objectives (k,), the largest of which counts."""
+    return np.atleast_1d(np.array(getattr(evaluation, "objectives", evaluation.objective), float))
 
 
 E = TypeVar("E", bound=Evaluation)
@@ -44,12 +55,12 @@ class Problem(Protocol[E]):
         """One analysis of the design x (n,): one solve."""
 
     def gradient(self, evaluation: E) -> tuple[Array, Array]:
-        """Derivatives df0 (n,) and dg (m, n) at the evaluated design."""
+        """Derivatives df0 (n,), or (k, n) of k objectives, and dg (m, n) at the evaluated design."""
 
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """All an update rule remembers: the last three designs and asymptotes, each (n,), and the curvature rho (m+1,).
+    """All an update rule remembers: the last three designs and asymptotes, each (n,), and the curvature rho (k+m,).
 
     `iteration` counts updates; `scale` multiplies the objective: 1 / |f_0| of the start, or what `scaled_functions`
     has made of it.

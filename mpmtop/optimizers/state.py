@@ -6,7 +6,7 @@ import numpy as np
 
 from mpmtop.arrays import Array
 from mpmtop.errors import NotConverged
-from mpmtop.optimizers.protocols import E, Evaluation, Problem, State
+from mpmtop.optimizers.protocols import E, Evaluation, Problem, State, objectives
 from mpmtop.optimizers.subproblem import SMALLEST
 
 LEAST_SLOPE = 1e-3
@@ -22,7 +22,8 @@ def initial_state(problem: Problem[E], evaluation: E, start: Array | None = None
         raise ValueError("no constraint: give at least one, for example -1 <= 0")
     scale = 1 / abs(evaluation.objective) if abs(evaluation.objective) > SMALLEST else 1.0
     half = 0.5 * variable_range(problem)
-    state = State(x, x, x, x - half, x + half, np.zeros(m + 1), iteration=0, scale=scale)
+    curvature = np.zeros(len(objectives(evaluation)) + m)
+    state = State(x, x, x, x - half, x + half, curvature, iteration=0, scale=scale)
     scaled_values(state, evaluation)
     return state
 
@@ -48,8 +49,9 @@ def checked_start(problem: Problem[E], start: Array) -> Array:
 
 
 def scaled_values(state: State, evaluation: Evaluation) -> Array:
-    """Scaled objective, then constraints: f (m+1,), for the iteration of `state`."""
-    f = np.append(state.scale * evaluation.objective, evaluation.constraints)
+    """Scaled objectives, then constraints: f (k+m,), for the iteration of `state`."""
+    with np.errstate(invalid="ignore"):  # what is not finite is refused below, by name
+        f = np.append(state.scale * objectives(evaluation), evaluation.constraints)
     if not np.all(np.isfinite(f)):
         raise NotConverged(
             f"iteration {state.iteration}: objective {evaluation.objective}, constraints "
@@ -61,26 +63,27 @@ def scaled_values(state: State, evaluation: Evaluation) -> Array:
 def scaled_functions(
     problem: Problem[E], state: State, evaluation: E, df0: Array, dg: Array
 ) -> tuple[State, Array, Array]:
-    """State with a sound scale, values f (m+1,) and derivatives df (m+1, n), the objective's scaled, at its design.
+    """State with a sound scale, values f (k+m,) and derivatives df (k+m, n), the objectives' scaled, at its design.
 
     The scale of the start, 1 / |f_0|, says little where f_0 has an origin far away, or has fallen by orders of
     magnitude since. Where sum_j |scale df0_j| range_j falls below `LEAST_SLOPE` it becomes 1 again.
     """
     df = np.vstack([df0, dg], dtype=float)
-    if df.shape != (np.size(evaluation.constraints) + 1, len(state.x)):
-        expected = np.size(evaluation.constraints) + 1, len(state.x)
+    k = len(objectives(evaluation))
+    expected = np.size(evaluation.constraints) + k, len(state.x)
+    if df.shape != expected:
         raise ValueError(f"derivatives of shape {df.shape}: give df0 (n,) and dg (m, n), {expected} in all")
     if not np.all(np.isfinite(df)):
         raise NotConverged(
             f"iteration {state.iteration}: {np.count_nonzero(~np.isfinite(df))} derivatives are not finite; "
             "check the gradient of this design"
         )
-    slope = np.abs(df[0]) @ (problem.upper - problem.lower)
+    slope = float(np.max(np.abs(df[:k]) @ (problem.upper - problem.lower)))
     if SMALLEST < slope < LEAST_SLOPE / state.scale:
         curvature = state.curvature.copy()
-        curvature[0] /= state.scale * slope
+        curvature[:k] /= state.scale * slope
         state = replace(state, scale=1 / slope, curvature=curvature)
-    df[0] *= state.scale
+    df[:k] *= state.scale
     return state, scaled_values(state, evaluation), df
 
 
