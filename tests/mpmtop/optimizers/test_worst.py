@@ -1,4 +1,4 @@
-"""The largest of several objectives: both rules come to the solution of a bound-variable problem by another optimiser."""
+"""The largest of several objectives: both rules come to what another optimiser finds with a bound variable."""
 
 from dataclasses import dataclass
 
