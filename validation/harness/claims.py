@@ -26,6 +26,8 @@ KINDS: dict[Kind, str] = {
 }
 PRINTED: tuple[Kind, ...] = ("result", "calibrated")
 """Kinds of the numbers that the paper prints as results."""
+MEASURED = {"timed": "see timings", "benchmark": "see benchmark"}
+"""In the place of a value that depends on the clock: the page it is on."""
 OWN_WORDS: dict[Verdict, str] = {"agrees": "holds", "differs": "fails", "not stated": "reported"}
 
 
@@ -64,6 +66,11 @@ class Claim:
     def of_paper(self) -> bool:
         """Whether the paper says it; if not, a check of ours. Errata are ours: the paper is wrong there."""
         return self.kind not in ("check", "erratum")
+
+    @property
+    def on_time(self) -> bool:
+        """Whether it is one on measured time, whose value is kept apart: what was observed is where to find it."""
+        return self.observed in MEASURED.values()
 
     @property
     def word(self) -> str:

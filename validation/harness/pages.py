@@ -19,6 +19,7 @@ from validation.harness.claims import KINDS, Tally, rows_of, stands
 from validation.harness.contents import Contents
 from validation.harness.diff import Comparison
 from validation.harness.overview import DESIGNS, Overview
+from validation.harness.rows import claim_files
 from validation.harness.store import Study, blocks_of, data_files, drawings, read
 from validation.harness.timed import (
     PLACES,
@@ -66,6 +67,7 @@ def publish(
     for path, drawn in figures.items():
         replace(directory / path, drawn)
     files: dict[str, str | bytes] = {**data_files(studies), **timed_files(measured.now)}
+    files |= claim_files(studies, measured.now, measured.ran)
     files |= Overview(studies, contents).drawn(directory)
     files |= pages(studies, measured, directory, provenance, contents)
     if provenance:

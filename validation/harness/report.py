@@ -20,7 +20,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from validation.harness.blocks import Block, Drawing, Frames, Pixels, Table, Text, picture, raster
-from validation.harness.claims import OWN_WORDS, Claim, Statement, Value, Verdict
+from validation.harness.claims import MEASURED, OWN_WORDS, Claim, Statement, Value, Verdict
 
 RESERVED = ("index", "claims", "timings", "benchmark", "provenance")
 """Names of the report's own files."""
@@ -282,7 +282,7 @@ class Report(Recorder):
         """Record a claim on measured time: its value goes to the timings or the benchmark page only."""
         holds = self.check(claim, ratio, at_least=at_least, at_most=at_most, source=source, why=why)
         measured = self.claims.pop()
-        page = "see benchmark" if self.benchmark else "see timings"
+        page = MEASURED["benchmark" if self.benchmark else "timed"]
         self.claims.append(Claim(claim, page, measured.expected, None, source, measured.verdict, why=why))
         digits = float(plain(ratio, digits=4))
         self.ratios.append(Ratio(claim, digits, str(measured.expected), source, measured.verdict))

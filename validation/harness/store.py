@@ -24,9 +24,6 @@ from validation.harness.show import number
 B = TypeVar("B")
 NAMED = re.compile(r"\{([^{}]+)\}")
 """A claim named in a sentence."""
-CLAIM_COLUMNS = (
-    *("study", "test", "kind", "source", "stated", "claim", "observed", "expected", "rtol", "verdict", "why", "reason"),
-)
 
 
 @dataclass(frozen=True)
@@ -219,18 +216,8 @@ def _read_study(path: Path) -> Study:
 
 def data_files(studies: Sequence[Study]) -> dict[str, str]:
     """Stores and CSV files, text by path relative to the report."""
-    claims = [
-        [
-            *(study.name, section.test, claim.kind, claim.source, claim.stated, claim.claim, claim.observed),
-            *(claim.expected, claim.rtol, claim.word, claim.why, claim.reason),
-        ]
-        for study in studies
-        for section in study.sections
-        for claim in section.claims
-    ]
     files = {f"data/{study.name}.json": as_json(asdict(study)) for study in studies}
     files |= {f"data/{table.file}.csv": as_csv(table.columns, table.rows) for table in blocks_of(studies, Table)}
-    files["data/claims.csv"] = as_csv(CLAIM_COLUMNS, claims)
     return files
 
 
