@@ -56,9 +56,9 @@ def test_radius_and_load(report: Report, lock: Lock, progress: ShowProgress) -> 
         f"optimised compliance, calibrated: load at {load}, radius {radius:g} spacings [F²/E0]",
         results[nearest]["compliance"],
         stated,
-        rtol=0.03,
+        rtol=paper.OPTIMUM_SCATTER[f"cantilever, {load}"],
         source=paper.CANTILEVER_COMPLIANCE,
-        why="radii are tried in steps of half a spacing and less, which change the optimum by up to 3 %",
+        why="what rule and start make of it (study of open choices)",
     )
 
     figure, ax = plt.subplots()

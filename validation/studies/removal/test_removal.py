@@ -105,11 +105,9 @@ def test_cases(report: Report, lock: Lock, layout: str) -> None:
     report.check(
         f"{layout}: case 3 over case 1, largest over smallest difference at a node",
         float(error.max() / error.min()),
-        at_most=2.0,
         source=paper.REMOVAL_EVEN,
-        why="our reading, a strict one: by less than a factor of two",
-        reason="dividing the points changes where the stiffness of one cell is sampled, and nodes beyond it feel that "
-        f"more: from {error.min():.2g} to {error.max():.2g} %",
+        why="no measure is stated: dividing the points changes where the stiffness of one cell is sampled, and nodes "
+        "beyond it feel that more",
     )
     zero_off = max(1e-6, table["case 2 over 1 [%]"].abs().max())
     report.found(

