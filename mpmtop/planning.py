@@ -94,7 +94,7 @@ def _stiffness_plan(model: Model) -> str:
     part = model.stiffness.maps[0]
     if isinstance(part, CellMap):
         return f"by {len(part.place)} cells and {len(part.local)} distinct matrices of points"
-    return "one sparse product each"
+    return "one sparse product, as the points' matrices differ"
 
 
 def _filter_plan(problem: DesignProblem) -> str:

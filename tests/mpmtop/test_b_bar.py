@@ -85,17 +85,11 @@ def test_linear_displacement_keeps_its_strain(shape_function: ShapeFunction, arr
 
 @each_shape_function
 @each_arrangement
-@pytest.mark.parametrize("by_cell", [False, True])
-def test_stiffness_is_that_of_the_strains(
-    shape_function: ShapeFunction, arrangement: str, by_cell: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Either map's K(E), between all of the unknowns, is B^T E V D B with the B that gives the strains."""
-    if by_cell:
-        monkeypatch.setattr("mpmtop.stiffness.BY_CELL", 0)
+def test_stiffness_is_that_of_the_strains(shape_function: ShapeFunction, arrangement: str) -> None:
+    """K(E), between all of the unknowns, is B^T E V D B with the B that gives the strains."""
     points = arranged(arrangement)
     model = model_of(shape_function, points)
     K = model.stiffness
-    assert isinstance(K.maps[0], CellMap) == by_cell
     moduli = np.random.default_rng(2).random(len(points.x))
     EVD = sp.kron(sp.diags_array(moduli * points.volume), model.D)
     expected = (model.transfer.B.T @ EVD @ model.transfer.B).toarray()[np.ix_(K.dof, K.dof)]
@@ -106,9 +100,8 @@ def test_stiffness_is_that_of_the_strains(
     np.testing.assert_allclose(entries, K.data(moduli), rtol=0, atol=1e-13 * np.abs(expected).max())
 
 
-def test_a_lattice_has_few_kinds(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_lattice_has_few_kinds() -> None:
     """Four points in a cell, four matrices: averaging does not tell equal cells apart."""
-    monkeypatch.setattr("mpmtop.stiffness.BY_CELL", 0)
     part = model_of(tent, arranged("seeded")).stiffness.maps[0]
     assert isinstance(part, CellMap)
     assert len(part.local) == 4

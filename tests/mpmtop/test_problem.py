@@ -115,8 +115,7 @@ def test_a_last_bit_is_not_in_the_fingerprint(monkeypatch: pytest.MonkeyPatch) -
         assert DesignProblem(moved, problem.design).fingerprint == before
     other = replace(model, points=replace(model.points, volume=model.points.volume * (1 + 1e-6)))
     assert DesignProblem(other, problem.design).fingerprint != before
-    for by in ("mpmtop.stiffness.BY_CELL", "mpmtop.filter.BY_CONVOLUTION"):  # other sums of the same numbers
-        monkeypatch.setattr(by, 0)
+    monkeypatch.setattr("mpmtop.filter.BY_CONVOLUTION", 0)  # other sums of the same numbers
     assert design_problem(cantilever(), 1.0, shape_function=bspline3).fingerprint == before
 
 

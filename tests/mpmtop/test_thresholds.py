@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
 
 from mpmtop.arrays import Array
 from mpmtop.body import Support
@@ -18,27 +19,25 @@ from mpmtop.stiffness import CellMap
 from tests.scenes import cantilever
 
 
-def entries(x: Array | None, by_cell: bool, monkeypatch: pytest.MonkeyPatch) -> tuple[Array, CellMap | None]:
-    """K's entries of a body with points at x, by either map, and the map by cells."""
-    monkeypatch.setattr("mpmtop.stiffness.BY_CELL", 0 if by_cell else 10**9)
+def by_cells(x: Array) -> tuple[CellMap, Array, Array]:
+    """The map of a body with points at x, its product with some moduli, and that of B^T E V D B in its places."""
     points = discretise(cantilever(8, 4).body, 1.0).points
-    moved = points if x is None else replace(points, x=x)
-    model = discretise(cantilever(8, 4).body, 1.0, points=moved)
-    part = model.stiffness.maps[0]
+    model = discretise(cantilever(8, 4).body, 1.0, points=replace(points, x=x))
+    part, K, B = model.stiffness.maps[0], model.stiffness, model.transfer.B
+    assert isinstance(part, CellMap)
     moduli = np.random.default_rng(1).uniform(0.1, 1, len(points.x))
-    return model.stiffness.data(moduli), part if isinstance(part, CellMap) else None
+    EVD = sp.kron(sp.diags_array(moduli * points.volume), model.D)
+    return part, K.data(moduli), (B.T @ EVD @ B).toarray()[np.ix_(K.dof, K.dof)][K.row, K.col]
 
 
 @pytest.mark.parametrize("apart", [1e-12, 1e-9, 1e-6, 1e-3])
-def test_points_that_are_not_alike(apart: float, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_points_that_are_not_alike(apart: float) -> None:
     """Points a little off the lattice keep their own matrices; those that rounding moved share them."""
     x = discretise(cantilever(8, 4).body, 1.0).points.x
-    x = x + apart * np.random.default_rng(0).uniform(-1, 1, x.shape)
-    ours, cells = entries(x, True, monkeypatch)
+    part, ours, expected = by_cells(x + apart * np.random.default_rng(0).uniform(-1, 1, x.shape))
     # what is alike may be off by the rounding of positions, 1e-11 of a cell, and two neighbours by twice that
-    np.testing.assert_allclose(ours, entries(x, False, monkeypatch)[0], rtol=0, atol=3e-11)
-    assert cells is not None
-    assert len(cells.local) == 128 if apart >= 1e-9 else len(cells.local) < 40
+    np.testing.assert_allclose(ours, expected, rtol=0, atol=3e-11)
+    assert len(part.local) == 128 if apart >= 1e-9 else len(part.local) < 40
 
 
 def test_kinds_that_one_number_does_not_tell_apart(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -51,13 +50,11 @@ def test_kinds_that_one_number_does_not_tell_apart(monkeypatch: pytest.MonkeyPat
     x = discretise(cantilever(8, 4).body, 1.0).points.x
     with monkeypatch.context() as patched:
         patched.setattr("mpmtop.stiffness.np.random.default_rng", lambda seed: Equal())
-        patched.setattr("mpmtop.stiffness.BY_CELL", 0)
-        model = discretise(cantilever(8, 4).body, 1.0)
-    part = model.stiffness.maps[0]
+        part = discretise(cantilever(8, 4).body, 1.0).stiffness.maps[0]
     assert isinstance(part, CellMap)
     assert len(part.local) == len(x)
     moduli = np.random.default_rng(1).uniform(0.1, 1, len(x))
-    np.testing.assert_allclose(model.stiffness.data(moduli), entries(None, False, monkeypatch)[0], rtol=0, atol=1e-14)
+    np.testing.assert_allclose(part @ moduli, by_cells(x)[2], rtol=0, atol=1e-14)
 
 
 @pytest.mark.parametrize(
