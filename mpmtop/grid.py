@@ -43,6 +43,12 @@ class Grid:
         """Number of nodes in x and in y."""
         return self.cells[0] + 1, self.cells[1] + 1
 
+    @property
+    def lines(self) -> tuple[Array, Array]:
+        """Coordinates of the lines across x (nx,) and across y (ny,)."""
+        x, y = (o + s * np.arange(n) for o, s, n in zip(self.origin, self.h, self.nodes, strict=True))
+        return x, y
+
     def node_positions(self, index: Index | None = None) -> Array:
         """Positions (n, 2) of the nodes of the given indices (n,), or of all."""
         index = np.arange(np.prod(self.nodes)) if index is None else index

@@ -4,7 +4,7 @@ A load is an object with the one method `act`; one of one's own is as good as th
 it acts at, its `position`, that place has to lie in the body.
 """
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from numbers import Integral
 from typing import NamedTuple, Protocol
@@ -13,32 +13,70 @@ import numpy as np
 
 from mpmtop.arrays import Array, Index
 from mpmtop.errors import InvalidScene, LoadOutsideBody
-from mpmtop.region import Region, check_region, finite_pair
+from mpmtop.region import Region, check_region, finite, finite_pair
 
 LOAD_ROUNDING = 1e-14
 """Of the sum of all forces: what is left at a node where they cancel."""
 
 
-def check_work(free: Array, forces: Array) -> None:
-    """LoadOutsideBody if `forces` (n, 2) leave nothing on the free degrees of freedom but rounding, (m,) in all."""
-    if not np.any(np.abs(free) > LOAD_ROUNDING * np.abs(forces).sum()):
+def check_work(free: Array, size: float) -> None:
+    """LoadOutsideBody if forces, whose absolute values add up to `size`, leave nothing on the free degrees of freedom
+    (m,) but rounding."""
+    if not np.any(np.abs(free) > LOAD_ROUNDING * size):
         raise LoadOutsideBody(
             "the loads act on held nodes only, are zero or cancel each other, and do no work: move them away from the "
             "supports, or change their forces"
         )
 
 
+Vectors = Callable[[Array], Array]
+"""Vectors (n, 2) of positions (n, 2)."""
+
+
+class Along(NamedTuple):
+    """Force per length `traction`(x, n) (n, 2), of positions and outward normals (n, 2) each, on the part of the
+    domain's boundary that lies in `region`."""
+
+    region: Region
+    traction: Callable[[Array, Array], Array]
+
+
+class Throughout(NamedTuple):
+    """Force per volume `force`(x) (n, 2) at positions x (n, 2) in `region`, everywhere if that is None; times the
+    density there if it `follows_density`."""
+
+    region: Region | None
+    force: Vectors
+    follows_density: bool
+
+    def at(self, x: Array, tol: float) -> Array:
+        """Force per volume (n, 2) at density one, zero outside the region."""
+        force = np.asarray(self.force(x), float)
+        if force.shape != x.shape or not np.all(np.isfinite(force)):
+            raise InvalidScene(
+                f"body force of shape {force.shape} at {x.shape[0]} positions: give two finite numbers each"
+            )
+        if self.region is None:
+            return force
+        inside = self.region.contains(x, tol)
+        if not np.any(inside):
+            raise LoadOutsideBody("the region of a body force holds no material: enlarge it or move it onto the body")
+        return np.where(inside[:, None], force, 0.0)
+
+
 class Action(NamedTuple):
-    """Forces `carried` (k, 2) by points (k,), through their own functions, and forces `force` (n, 2) at positions
-    (n, 2) that belong to no point."""
+    """Forces `carried` (k, 2) by points (k,), through their own functions; forces `force` (n, 2) at positions (n, 2)
+    that belong to no point; and what acts along the boundary and throughout the volume, which the solver integrates."""
 
     points: Index
     carried: Array
     position: Array
     force: Array
+    along: tuple[Along, ...] = ()
+    throughout: tuple[Throughout, ...] = ()
 
     def places(self, x: Array) -> tuple[Array, Array]:
-        """Positions (k + n, 2) and forces of all, on a body with points at x (p, 2)."""
+        """Positions (k + n, 2) and forces of all that act at places, on a body with points at x (p, 2)."""
         return np.concatenate([x[self.points], self.position]), np.concatenate([self.carried, self.force])
 
 
@@ -51,16 +89,24 @@ class Load(Protocol):
         ...
 
 
-def carried(points: Index, forces: Array) -> Action:
-    """Forces (k, 2) carried by points (k,) alone."""
-    return Action(points, forces, np.empty((0, 2)), np.empty((0, 2)))
+def at_places(
+    points: Index | None = None, carried: Array | None = None, position: Array | None = None, force: Array | None = None
+) -> Action:
+    """What is carried by points or acts at positions, alone; nothing where not given."""
+    none, nowhere = np.empty(0, np.intp), np.empty((0, 2))
+    return Action(
+        none if points is None else points,
+        *(nowhere if part is None else part for part in (carried, position, force)),
+    )
 
 
 def action(loads: Iterable[Load], x: Array, volume: Array, tol: float) -> Action:
     """What all loads do, in their order; arguments as for `Load.act`."""
-    nothing = carried(np.empty(0, np.intp), np.empty((0, 2)))
-    parts = zip(nothing, *(load.act(x, volume, tol) for load in loads), strict=True)
-    return Action(*(np.concatenate(part) for part in parts))
+    parts = [at_places(), *(load.act(x, volume, tol) for load in loads)]
+    arrays = (np.concatenate(part) for part in zip(*(act[:4] for act in parts), strict=True))
+    along = tuple(piece for act in parts for piece in act.along)
+    throughout = tuple(piece for act in parts for piece in act.throughout)
+    return Action(*arrays, along, throughout)
 
 
 def positions(loads: Iterable[Load]) -> Array:
@@ -103,7 +149,7 @@ class PointLoad:
         nearer, shell = np.flatnonzero(distance < last), np.flatnonzero(distance == last)
         left = (self.points - len(nearer)) / len(shell)
         share = np.repeat([1.0, left], [len(nearer), len(shell)]) / self.points
-        return carried(np.append(nearer, shell), np.outer(share, self.force))
+        return at_places(np.append(nearer, shell), np.outer(share, self.force))
 
 
 @dataclass(frozen=True)
@@ -122,7 +168,7 @@ class PositionLoad:
 
     def act(self, x: Array, volume: Array, tol: float) -> Action:
         """No point carries it."""
-        return Action(np.empty(0, np.intp), np.empty((0, 2)), np.array([self.position]), np.array([self.force]))
+        return at_places(position=np.array([self.position]), force=np.array([self.force]))
 
 
 @dataclass(frozen=True)
@@ -144,4 +190,88 @@ class RegionLoad:
         inside = np.flatnonzero(self.region.contains(x, tol))
         if len(inside) == 0:
             raise LoadOutsideBody("the region of a load holds no material point: enlarge it or move it onto the body")
-        return carried(inside, np.outer(volume[inside] / volume[inside].sum(), self.force))
+        return at_places(inside, np.outer(volume[inside] / volume[inside].sum(), self.force))
+
+
+@dataclass(frozen=True)
+class Traction:
+    """Force per length (2,) on the part of the body's boundary that lies in `region`.
+
+    The region may be as thin as the edge itself, Rectangle((40, 8), (40, 12)). The domain's own outline counts, not
+    that of cells or elements: the sum of forces is the traction times its length. On stairs of cells or points forces
+    act where the outline runs, through the functions of the nearest cell with material.
+    """
+
+    region: Region
+    force: tuple[float, float]
+
+    def __post_init__(self) -> None:
+        check_region("the region of a traction", self.region)
+        object.__setattr__(self, "force", finite_pair("traction", self.force))
+
+    def act(self, x: Array, volume: Array, tol: float) -> Action:
+        """The same along all of the boundary in the region."""
+        return at_places()._replace(along=(Along(self.region, lambda x, normal: np.tile(self.force, (len(x), 1))),))
+
+
+@dataclass(frozen=True)
+class Pressure:
+    """Pressure on the part of the body's boundary that lies in `region`: a force per length against the outward normal,
+    suction where it is negative. See `Traction`."""
+
+    region: Region
+    pressure: float
+
+    def __post_init__(self) -> None:
+        check_region("the region of a pressure", self.region)
+        object.__setattr__(self, "pressure", finite("pressure", self.pressure))
+
+    def act(self, x: Array, volume: Array, tol: float) -> Action:
+        """-p n."""
+        return at_places()._replace(along=(Along(self.region, lambda x, normal: -self.pressure * normal),))
+
+
+@dataclass(frozen=True)
+class BodyForce:
+    """Force per volume (2,), or a function that gives one (n, 2) for positions (n, 2), throughout the body or in a
+    `region` of it. It acts on what there is of the domain, whatever its density: see `Weight`."""
+
+    force: tuple[float, float] | Vectors
+    region: Region | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "force", _per_volume("body force", self.force, self.region))
+
+    def act(self, x: Array, volume: Array, tol: float) -> Action:
+        """The force of each volume, at the points or at points of quadrature."""
+        return at_places()._replace(throughout=(Throughout(self.region, _vectors(self.force), False),))
+
+
+@dataclass(frozen=True)
+class Weight:
+    """Force per volume (2,) of solid material, or a function as for `BodyForce`, times the density rho.
+
+    The load depends on the design: df/drho is part of every gradient. Compliance then need not fall with material, and
+    rho^(penal - 1) of a penalty above 1 leaves voids that are heavier than stiff: give a `contrast` or a `rho_min`
+    that carries them.
+    """
+
+    force: tuple[float, float] | Vectors
+    region: Region | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "force", _per_volume("weight", self.force, self.region))
+
+    def act(self, x: Array, volume: Array, tol: float) -> Action:
+        """The weight at density one; the solver multiplies by the density."""
+        return at_places()._replace(throughout=(Throughout(self.region, _vectors(self.force), True),))
+
+
+def _per_volume(what: str, force: object, region: Region | None) -> object:
+    if region is not None:
+        check_region(f"the region of a {what}", region)
+    return force if callable(force) else finite_pair(what, force)  # type: ignore[arg-type]
+
+
+def _vectors(force: tuple[float, float] | Vectors) -> Vectors:
+    return force if callable(force) else lambda x: np.tile(np.asarray(force, float), (len(x), 1))

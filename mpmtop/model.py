@@ -12,10 +12,11 @@ from mpmtop.arrays import Array, Mask
 from mpmtop.b_bar import with_mean_dilatation
 from mpmtop.body import Body, Support
 from mpmtop.diagnose import ModelWarning, findings
-from mpmtop.errors import InvalidScene, LoadOutsideBody, PositionOutsideBody, UnsupportedBody
+from mpmtop.errors import InvalidScene, UnsupportedBody
+from mpmtop.forces import Forces, external_force
 from mpmtop.ghost import GhostPenalty, ghost_penalty
 from mpmtop.grid import Grid
-from mpmtop.loads import Load, action, check_work
+from mpmtop.loads import Load, check_work
 from mpmtop.material import tangent
 from mpmtop.points import MaterialPoints, seed
 from mpmtop.region import divisions
@@ -58,13 +59,27 @@ class Model:
         return tangent(self.body.material)
 
     @cached_property
-    def f_ext(self) -> Array:
-        """Nodal forces (2a,) of the body's loads, held degrees of freedom included."""
-        return self.force_of(self.body.loads)
+    def forces(self) -> Forces:
+        """Nodal forces of the body's loads, held degrees of freedom included."""
+        return self.forces_of(self.body.loads)
 
-    def force_of(self, loads: Iterable[Load]) -> Array:
-        """Nodal forces (2a,) of any loads, held degrees of freedom included."""
-        return external_force(loads, self.grid, self.points, self.shape_function, self.ends, self.transfer)
+    def forces_of(self, loads: Iterable[Load]) -> Forces:
+        """Nodal forces of any loads, held degrees of freedom included."""
+        body, grid, points = self.body, self.grid, self.points
+        return external_force(loads, body.domain, grid, points, self.shape_function, self.ends, self.transfer)
+
+    @property
+    def f_ext(self) -> Array:
+        """Nodal forces (2a,) of the body's loads, but for those that follow the density."""
+        return self.forces.fixed
+
+    def force(self, rho: Array) -> Array:
+        """Nodal forces (2a,) of all loads at densities rho (p,)."""
+        return self.forces.at(rho)
+
+    def force_work(self, v: Array) -> Array | None:
+        """v . df/drho (p,) of the loads that follow the density, for nodal v (2a,); None if none does."""
+        return None if self.forces.weight is None else self.forces.weight.T @ v
 
     def at(self, x: Array, half_length: Array | float = 0.0) -> Functions:
         """The functions at positions x (k, 2) of the body, as at points with domains of `half_length` (k, 2) there.
@@ -131,7 +146,8 @@ def discretise(
         grid = Grid.around(lower, upper, (hx, hy), margin=2 + int(np.ceil(outside.max())))
     ends = body_ends(grid, points)
     weighted = transfer(grid, points, shape_function, ends)
-    f_ext = external_force(body.loads, grid, points, shape_function, ends, weighted)
+    forces = external_force(body.loads, body.domain, grid, points, shape_function, ends, weighted)
+    f_ext = forces.at(np.ones(len(points.volume)))
     found = findings(grid, points, weighted, shape_function, body.supports, f_ext, seeded_in)
     penalty = ghost_penalty(ghost, grid, points, weighted, shape_function)
     if b_bar:
@@ -151,9 +167,8 @@ def discretise(
 
 def check_loads(model: Model) -> None:
     """LoadOutsideBody if the body's loads do no work."""
-    points = model.points
-    acts = action(model.body.loads, points.x, points.volume, 1e-9 * min(model.grid.h))
-    check_work(model.f_ext[model.stiffness.dof], acts.places(points.x)[1])
+    solid = np.ones(len(model.points.volume))
+    check_work(model.force(solid)[model.stiffness.dof], model.forces.size)
 
 
 def held_otherwise(models: Sequence[Model], body: Body) -> Model:
@@ -175,26 +190,6 @@ def _pattern(grid: Grid, weighted: Transfer, K: Stiffness) -> Pattern:
     node, component = np.divmod(K.dof, 2)
     lines = np.stack(np.divmod(weighted.nodes[node], grid.nodes[1]), axis=-1)
     return Pattern(len(K.dof), K.row, K.col, Lattice(grid.h, lines, component))
-
-
-def external_force(
-    loads: Iterable[Load],
-    grid: Grid,
-    points: MaterialPoints,
-    shape_function: ShapeFunction,
-    ends: tuple[Ends, Ends],
-    operators: Transfer,
-) -> Array:
-    """Nodal forces (2a,) of loads: p2g of what points carry, and by the functions there of what acts at positions.
-
-    LoadOutsideBody for a position where there is no material.
-    """
-    acts = action(loads, points.x, points.volume, 1e-9 * min(grid.h))
-    try:
-        at = functions_at(grid, operators.nodes, shape_function, ends, acts.position)
-    except PositionOutsideBody as error:
-        raise LoadOutsideBody(f"a load acts at {error}") from error
-    return (operators.N_matrix[acts.points].T @ acts.carried).ravel() + at.force(acts.force)
 
 
 def held_dofs(supports: tuple[Support, ...], position: Array, tol: float) -> Mask:

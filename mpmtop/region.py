@@ -1,7 +1,8 @@
 """Regions: parts of the plane that say where a domain, a support, a load or passive material is.
 
-A region tells which positions lie in it and in what box it lies, and nothing else, so that a curved one needs no other
-grid than a rectangle does. All are closed, but a `Difference` does not hold the boundary of its hole.
+A region tells which positions lie in it and in what box it lies, so that a curved one needs no other grid than a
+rectangle does; and, where something is to act on its boundary, by which curves it is bounded. All are closed, but a
+`Difference` does not hold the boundary of its hole.
 """
 
 from collections.abc import Callable
@@ -11,6 +12,7 @@ from typing import Protocol
 import numpy as np
 
 from mpmtop.arrays import Array, Index, Mask
+from mpmtop.curves import Curve, Line, Round
 from mpmtop.errors import InvalidScene
 
 DIVIDES = 1e-6
@@ -41,14 +43,29 @@ def finite_pair(what: str, value: tuple[float, float]) -> tuple[float, float]:
     return float(value[0]), float(value[1])
 
 
+def finite(what: str, value: float) -> float:
+    """The number as a float; InvalidScene, which names `what`, if it is not one finite number."""
+    if np.shape(value) != () or isinstance(value, str) or not np.isfinite(value):
+        raise InvalidScene(f"{what} {value!r}: give a finite number")
+    return float(value)
+
+
 def check_region(what: str, value: object) -> None:
     """InvalidScene, which names `what`, if `value` is no region."""
     if not (hasattr(value, "contains") and hasattr(value, "bounds")):
         raise InvalidScene(f"{what} is {value!r}: give a region, such as Rectangle(lower, upper)")
 
 
+Box = tuple[Array, Array]
+"""Lower and upper corner, each (2,)."""
+
+
 class Region(Protocol):
-    """A part of the plane: `bounds` is its bounding box, `contains` tells which positions lie in it."""
+    """A part of the plane: `bounds` is its bounding box, `contains` tells which positions lie in it.
+
+    Where something acts on its boundary a region has `outline(box)`, too: curves that hold all of its boundary within a
+    finite box, and maybe more than that.
+    """
 
     @property
     def bounds(self) -> tuple[Array, Array]:
@@ -58,6 +75,16 @@ class Region(Protocol):
     def contains(self, x: Array, tol: float = 0.0) -> Mask:
         """Which of the positions x (n, 2) lie in the region grown by `tol`, or shrunk where it is negative: (n,)."""
         ...
+
+
+def outline(region: Region, box: Box) -> tuple[Curve, ...]:
+    """Curves that hold all of a region's boundary within a finite box; InvalidScene if it does not name them."""
+    if not hasattr(region, "outline"):
+        raise InvalidScene(
+            f"{type(region).__name__} has no outline for something to act on: make the domain of rectangles, circles, "
+            "polygons and half-planes, or give the region a method `outline`"
+        )
+    return tuple(region.outline(box))
 
 
 @dataclass(frozen=True)
@@ -84,6 +111,13 @@ class Rectangle:
         lower, upper = self.bounds
         return np.all((x >= lower - tol) & (x <= upper + tol), axis=1)
 
+    def outline(self, box: Box) -> tuple[Curve, ...]:
+        """Its sides; an infinite one ends with the box, and one at infinity is none."""
+        (x0, y0), (x1, y1) = np.maximum(self.lower, box[0]), np.minimum(self.upper, box[1])
+        upright = [Line((x, y0), (x, y1)) for x in (self.lower[0], self.upper[0]) if np.isfinite(x) and y1 > y0]
+        level = [Line((x0, y), (x1, y)) for y in (self.lower[1], self.upper[1]) if np.isfinite(y) and x1 > x0]
+        return *upright, *level
+
 
 @dataclass(frozen=True)
 class Circle:
@@ -105,6 +139,10 @@ class Circle:
     def contains(self, x: Array, tol: float = 0.0) -> Mask:
         """Which of the positions x (n, 2) lie in the circle grown by `tol`: (n,)."""
         return np.hypot(*(x - self.centre).T) <= self.radius + tol
+
+    def outline(self, box: Box) -> tuple[Curve, ...]:
+        """The circle."""
+        return (Round(self.centre, self.radius),)
 
 
 @dataclass(frozen=True)
@@ -129,6 +167,14 @@ class HalfPlane:
         """Which of the positions x (n, 2) lie in the half-plane grown by `tol`: (n,)."""
         unit = np.divide(self.normal, np.max(np.abs(self.normal)))  # against underflow of a short one
         return (x - self.point) @ (unit / np.hypot(*unit)) <= tol
+
+    def outline(self, box: Box) -> tuple[Curve, ...]:
+        """Its line, from end to end of the box."""
+        along = np.array([-self.normal[1], self.normal[0]]) / np.hypot(*self.normal)
+        corners = np.array([(x, y) for x in (box[0][0], box[1][0]) for y in (box[0][1], box[1][1])])
+        reach = (corners - self.point) @ along
+        (ax, ay), (bx, by) = (self.point + t * along for t in (reach.min(), reach.max()))
+        return (Line((float(ax), float(ay)), (float(bx), float(by))),)
 
 
 @dataclass(frozen=True)
@@ -172,6 +218,10 @@ class Polygon:
             # a ray along +x leaves through this edge
             inside ^= ((a[1] <= x[:, 1]) != (b[1] <= x[:, 1])) & ((cross > 0) == (edge[1] > 0))
         return np.where(inside, -distance, distance) <= tol
+
+    def outline(self, box: Box) -> tuple[Curve, ...]:
+        """Its edges."""
+        return tuple(Line(a, b) for a, b in zip(self.vertices, [*self.vertices[1:], self.vertices[0]], strict=True))
 
 
 @dataclass(frozen=True)
@@ -224,6 +274,10 @@ class Difference:
         """Which of the positions x (n, 2) lie in the difference grown by `tol`: (n,)."""
         return self.whole.contains(x, tol) & ~self.hole.contains(x, -tol)
 
+    def outline(self, box: Box) -> tuple[Curve, ...]:
+        """Those of the whole and of the hole."""
+        return *outline(self.whole, box), *outline(self.hole, box)
+
 
 @dataclass(frozen=True, init=False, repr=False)
 class Union:
@@ -247,6 +301,10 @@ class Union:
         """Which of the positions x (n, 2) lie in a part grown by `tol`: (n,)."""
         return np.any([part.contains(x, tol) for part in self.parts], axis=0)
 
+    def outline(self, box: Box) -> tuple[Curve, ...]:
+        """Those of all parts."""
+        return tuple(curve for part in self.parts for curve in outline(part, box))
+
 
 @dataclass(frozen=True, init=False, repr=False)
 class Intersection:
@@ -269,6 +327,10 @@ class Intersection:
     def contains(self, x: Array, tol: float = 0.0) -> Mask:
         """Which of the positions x (n, 2) lie in every part grown by `tol`: (n,)."""
         return np.all([part.contains(x, tol) for part in self.parts], axis=0)
+
+    def outline(self, box: Box) -> tuple[Curve, ...]:
+        """Those of all parts."""
+        return tuple(curve for part in self.parts for curve in outline(part, box))
 
 
 def _some(what: str, parts: tuple[Region, ...]) -> tuple[Region, ...]:

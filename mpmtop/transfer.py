@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
+from scipy.spatial import cKDTree
 
 from mpmtop.arrays import Array, Index, Mask
 from mpmtop.errors import PositionOutsideBody
@@ -19,6 +20,15 @@ from mpmtop.grid import Grid
 from mpmtop.points import MaterialPoints
 from mpmtop.shape_functions import Ends, ShapeFunction
 from mpmtop.voigt import entries, local_B
+
+REACH = 1.0
+"""Cells from which a position on the outline may take its functions: a corner of a body on stairs is less than the
+diagonal of a cell off its points' cells, with two points per cell or more."""
+NEAREST = 16
+"""Cells of which one is the nearest to a position at most REACH away."""
+INSIDE = 1e-10
+"""Of a cell: functions are continued from this far inside, not from its edge, where their gradient is the next cell's.
+It is above the rounding of positions, and what it changes is below that of a solve."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,6 +162,61 @@ def functions_at(
             f"position {tuple(x[~inside][0].tolist())}: no material point touches its nodes; move it inwards"
         )
     return Functions(*operators(stencil, touched, N, grad_N, len(nodes)))
+
+
+class Near(NamedTuple):
+    """Functions at k positions on the body's outline, and the cell (k, 2) that they are of, which holds a point."""
+
+    functions: Functions
+    cell: Index
+
+
+def functions_near(
+    grid: Grid,
+    points: MaterialPoints,
+    nodes: Index,
+    shape_function: ShapeFunction,
+    ends: tuple[Ends, Ends],
+    x: Array,
+) -> Near:
+    """The functions of the active `nodes` (a,) at positions x (k, 2) of the outline, which the points' cells need not
+    reach: that of a curved body runs through cells without a point, and along the edge of others.
+
+    A position there takes the functions of the nearest cell that holds a point, continued linearly from its nearest
+    position x0: N(x0) + grad N(x0) . (x - x0). They still sum to one and reproduce linear fields, so that forces keep
+    their resultant and their moment. PositionOutsideBody if that cell is further than REACH cells.
+    """
+    x = np.asarray(x, float)
+    xi, cell, _ = located(grid, x)
+    held = np.unique(located(grid, points.x)[1], axis=0)
+    row = grid.nodes[1]
+    beyond = np.flatnonzero(~np.isin(cell @ [row, 1], held @ [row, 1]))
+    if len(beyond):
+        # the box nearest to a position is among those of the nearest centres, up to REACH away
+        near = cKDTree(held + 0.5).query(xi[beyond], k=np.arange(1, min(NEAREST, len(held)) + 1))[1]
+        apart = np.maximum(np.abs(xi[beyond, None] - held[near] - 0.5) - 0.5, 0) * np.divide(grid.h, max(grid.h))
+        distance = np.hypot(*np.moveaxis(apart, -1, 0))
+        first = np.argmin(distance, axis=1)
+        if np.any(distance.min(axis=1) > REACH):
+            x_far = x[beyond][np.argmax(distance.min(axis=1))]
+            raise PositionOutsideBody(
+                f"position {tuple(x_far.tolist())} of the outline: no material point within {REACH:g} cells of it"
+            )
+        cell[beyond] = held[near[np.arange(len(beyond)), first]]
+    x0 = x.copy()
+    from_ = np.clip(xi[beyond], cell[beyond] + INSIDE, cell[beyond] + 1 - INSIDE)
+    x0[beyond] = from_ * grid.h + grid.origin
+    no_domain = np.zeros_like(x)
+    node, touched, N, grad_N = weights(grid, x0, no_domain, shape_function, ends)
+    stencil = np.minimum(np.searchsorted(nodes, node), len(nodes) - 1)
+    alone = ~np.all((nodes[stencil] == node) | ~touched, axis=1)
+    if np.any(alone):  # pieces of a quadratic are not the cells: one may hold no point in a cell that does
+        x0[alone] = points.x[cKDTree(points.x / grid.h).query(x[alone] / grid.h)[1]]
+        node, touched, N, grad_N = weights(grid, x0, no_domain, shape_function, ends)
+        stencil = np.searchsorted(nodes, node)
+    N = N + np.einsum("pnk,pk->pn", grad_N, x - x0)
+    stencil = np.where(touched, stencil, 0)
+    return Near(Functions(*operators(stencil, touched, N, grad_N, len(nodes))), cell)
 
 
 def _rows(values: Array, stored: Mask, column: Index, columns: int) -> sp.csr_array:

@@ -64,11 +64,22 @@ def locate_in_lattice(basis: CellBasis, x: Array) -> tuple[Index, Array]:
     sides = element_sides(basis.mesh)
     distance, cell = cKDTree(element_centres(basis.mesh) / sides.min(axis=0)).query(x / sides.min(axis=0), p=np.inf)
     _check_inside(x, distance <= 0.5 + GEOMETRY_TOLERANCE)
+    return cell, reference_in_lattice(basis, cell, x)
+
+
+def reference_in_lattice(basis: CellBasis, cell: Index, x: Array) -> Array:
+    """Reference coordinates (2, k) of positions x (k, 2) in elements (k,) of a lattice."""
     corner, along, _, across = np.moveaxis(basis.mesh.p[:, basis.mesh.t[:, cell]], 0, -1)  # each (k, 2)
     # scikit-fem's first axis need not be x; by projection, as each is along x or y, and not by LAPACK: a last bit of
     # the load would make another fingerprint
     axes = np.stack([along - corner, across - corner])  # (2, k, 2)
-    return cell, np.sum(axes * (x - corner), axis=-1) / np.sum(axes**2, axis=-1)
+    return np.sum(axes * (x - corner), axis=-1) / np.sum(axes**2, axis=-1)
+
+
+def reference_in_mesh(basis: CellBasis, cell: Index, x: Array) -> Array:
+    """The same in convex quads of any shape, by Newton's method on the bilinear map."""
+    # Newton's error is the square of its last step; a position outside by the tolerance is moved onto the edge
+    return basis.mapping.invF(x.T[:, :, None], cell, newton_tol=10 * GEOMETRY_TOLERANCE)[:, :, 0]
 
 
 def locate_in_mesh(basis: CellBasis, x: Array) -> tuple[Index, Array]:
@@ -88,8 +99,7 @@ def locate_in_mesh(basis: CellBasis, x: Array) -> tuple[Index, Array]:
         deepest_last = np.argsort(depth)
         cell[elsewhere[near.row[deepest_last]]] = near.col[deepest_last]  # the last one stays
     _check_inside(x, _depth(basis.mesh, cell, x) >= -GEOMETRY_TOLERANCE * shortest_side(basis.mesh))
-    # Newton's error is the square of its last step; a position outside by the tolerance is moved onto the edge
-    return cell, basis.mapping.invF(x.T[:, :, None], cell, newton_tol=10 * GEOMETRY_TOLERANCE)[:, :, 0]
+    return cell, reference_in_mesh(basis, cell, x)
 
 
 def _depth(mesh: MeshQuad, cell: Index, x: Array) -> Array:
