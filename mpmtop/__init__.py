@@ -2,7 +2,8 @@
 
 What is stated, of either solver:
     region          Rectangle, Circle, Polygon, HalfPlane, LevelSet, Union, Intersection, Difference
-    loads           PointLoad, RegionLoad, PositionLoad
+    curves, outline what bounds them, to act on
+    loads           PointLoad, RegionLoad, PositionLoad; Traction, Pressure; BodyForce, Weight
     body            Body(domain, supports, loads, material), Support, Material
     design          Design(volume_fraction, filter_radius, penal, contrast, rho_min, passive_solid, passive_void, ...),
                     Projection, Mirror: the last two of its fields
@@ -16,7 +17,7 @@ How a body is discretised:
     points          MaterialPoints, seed; quadtree refines them, grid lies behind them
     model           discretise(body, h, ppc, shape_function) -> Model
     equilibrium     equilibrium(model, moduli): u, strains and adjoints, checked; mechanism names what moves freely
-    transfer, voigt, material, b_bar, ghost, stiffness, solvers    what these are made of
+    transfer, voigt, material, b_bar, ghost, stiffness, solvers, forces    what these are made of
     diagnose        what misleads about a body: glued gaps, near-mechanisms, points on grid lines
 
 How a design is optimised:
@@ -58,9 +59,13 @@ if TYPE_CHECKING:
     from mpmtop.design import Design as Design
     from mpmtop.design import Mirror as Mirror
     from mpmtop.design import Projection as Projection
+    from mpmtop.loads import BodyForce as BodyForce
     from mpmtop.loads import PointLoad as PointLoad
     from mpmtop.loads import PositionLoad as PositionLoad
+    from mpmtop.loads import Pressure as Pressure
     from mpmtop.loads import RegionLoad as RegionLoad
+    from mpmtop.loads import Traction as Traction
+    from mpmtop.loads import Weight as Weight
     from mpmtop.model import discretise as discretise
     from mpmtop.optimizers import GCMMA as GCMMA
     from mpmtop.optimizers import MMA as MMA
@@ -92,7 +97,7 @@ __version__ = "0.1.0"
 _FROM = {
     "body": ("Body", "Material", "Support"),
     "design": ("Design", "Mirror", "Projection"),
-    "loads": ("PointLoad", "PositionLoad", "RegionLoad"),
+    "loads": ("BodyForce", "PointLoad", "PositionLoad", "Pressure", "RegionLoad", "Traction", "Weight"),
     "model": ("discretise",),
     "optimizers": ("GCMMA", "MMA", "OptimalityCriteria", "continuation", "optimize"),
     "points": ("MaterialPoints", "seed"),

@@ -1,5 +1,7 @@
 """Layout and fields of a body of material points, for pictures and files."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from mpmtop.arrays import Array
@@ -40,7 +42,8 @@ def fields_at_points(model: Model, state: Equilibrium, rho: Array) -> Fields:
 
     sigma_zz = nu (sigma_xx + sigma_yy) in plane strain, eps_zz = -nu / (1 - nu) (eps_xx + eps_yy) in plane stress.
     """
-    where, material = layout_of_points(model), model.body.material
+    where = replace(layout_of_points(model), load=state.f_ext.reshape(-1, 2))
+    material = model.body.material
     nu, strained = material.poisson, material.plane == "strain"
     stress = model.stress(state.moduli, state.strain)
     tensor_strain = state.strain * [1, 1, 0.5]
@@ -49,7 +52,7 @@ def fields_at_points(model: Model, state: Equilibrium, rho: Array) -> Fields:
     moved = at.interpolate(state.u)
     grad = np.einsum("pna,pnb->pab", np.where(at.touched[..., None], nodal[at.stencil], 0.0), at.grad_N)
     arm = where.corners - where.x[:, None]
-    force = model.internal_force(stress) + model.ghost.force(state.moduli, state.u) - model.f_ext
+    force = model.internal_force(stress) + model.ghost.force(state.moduli, state.u) - state.f_ext
     return Fields(
         layout=where,
         density=rho,

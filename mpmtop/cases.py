@@ -26,12 +26,13 @@ def shared_with(models: tuple[Model, ...]) -> list[int]:
     return [next(k for k, other in enumerate(models) if other.stiffness is model.stiffness) for model in models]
 
 
-def states(models: tuple[Model, ...], moduli: Array, tol: float) -> tuple[Equilibrium, ...]:
-    """Equilibrium of each case under Young's moduli (p,): a factorisation for each stiffness, a solve for each case."""
+def states(models: tuple[Model, ...], moduli: Array, rho: Array, tol: float) -> tuple[Equilibrium, ...]:
+    """Equilibrium of each case under Young's moduli (p,) and densities (p,), which some loads follow: a
+    factorisation for each stiffness, a solve for each case."""
     factored: dict[int, Solve] = {}
     found = []
     for model, first in zip(models, shared_with(models), strict=True):
         if first not in factored and len(models) > 1:
             factored[first] = tangent(model, moduli, tol)
-        found.append(equilibrium(model, moduli, tol=tol, factored=factored.get(first)))
+        found.append(equilibrium(model, moduli, f_ext=model.force(rho), tol=tol, factored=factored.get(first)))
     return tuple(found)

@@ -63,6 +63,8 @@ def equilibrium(
     if f_ext is None:
         if not model.body.loads:
             raise InvalidScene("the body has no load: add one, or give the nodal forces `f_ext`")
+        if model.forces.weight is not None:
+            raise InvalidScene("weight is by density, and none is given: give the forces `f_ext=model.force(rho)`")
         f_ext = model.f_ext
     tol = model.solver.tolerance if tol is None else tol
     solve = tangent(model, moduli, tol) if factored is None else factored
@@ -138,6 +140,13 @@ def moduli_gradient(model: Model, state: Equilibrium, found: Adjoint) -> Array:
     if found.mu is not None:
         by_moduli = by_moduli + _by_moduli(model, state, found.mu.u, found.mu.strain)
     return by_moduli
+
+
+def load_gradient(model: Model, state: Equilibrium, found: Adjoint) -> Array | None:
+    """d(work f_ext . u)/drho at fixed u and lambda . df_ext/drho, (p,), of the loads that follow the density; None if
+    none does."""
+    by = 2 * found.work * state.u if found.mu is None else 2 * found.work * state.u + found.mu.u
+    return model.force_work(by)
 
 
 def _by_moduli(model: Model, state: Equilibrium, v: Array, strain: Array) -> Array:

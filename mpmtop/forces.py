@@ -56,7 +56,7 @@ def external_force(
     fixed = (operators.N_matrix[acts.points].T @ acts.carried).ravel() + at.force(acts.force)
     size = float(np.abs(acts.places(points.x)[1]).sum())
     for piece in acts.along:
-        functions, force = _along(piece, domain, grid, points, shape_function, ends, operators)
+        functions, force = _along(piece, domain, grid, points, shape_function, operators)
         fixed += functions.force(force)
         size += float(np.abs(force).sum())
     weight = None
@@ -77,7 +77,6 @@ def _along(
     grid: Grid,
     points: MaterialPoints,
     shape_function: ShapeFunction,
-    ends: tuple[Ends, Ends],
     operators: Transfer,
 ) -> tuple[Functions, Array]:
     """Functions at positions (n,) of the outline, and the forces (n, 2) there."""
@@ -88,7 +87,7 @@ def _along(
             f"no boundary of the domain lies in the region of a load from {lower} to {upper}: move the region onto it"
         )
     try:
-        near = functions_near(grid, points, operators.nodes, shape_function, ends, on.x)
+        near = functions_near(grid, points, operators.nodes, shape_function, on.x)
     except PositionOutsideBody as error:
         raise LoadOutsideBody(f"a load acts at {error}") from error
     return near.functions, on.length[:, None] * piece.traction(on.x, on.normal)

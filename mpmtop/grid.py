@@ -46,8 +46,8 @@ class Grid:
     @property
     def lines(self) -> tuple[Array, Array]:
         """Coordinates of the lines across x (nx,) and across y (ny,)."""
-        x, y = (o + s * np.arange(n) for o, s, n in zip(self.origin, self.h, self.nodes, strict=True))
-        return x, y
+        (ox, oy), (hx, hy), (nx, ny) = self.origin, self.h, self.nodes
+        return ox + hx * np.arange(nx, dtype=float), oy + hy * np.arange(ny, dtype=float)
 
     def node_positions(self, index: Index | None = None) -> Array:
         """Positions (n, 2) of the nodes of the given indices (n,), or of all."""

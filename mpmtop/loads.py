@@ -10,9 +10,11 @@ from numbers import Integral
 from typing import NamedTuple, Protocol
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from mpmtop.arrays import Array, Index
 from mpmtop.errors import InvalidScene, LoadOutsideBody
+from mpmtop.outline import surface
 from mpmtop.region import Region, check_region, finite, finite_pair
 
 LOAD_ROUNDING = 1e-14
@@ -54,7 +56,7 @@ class Throughout(NamedTuple):
         force = np.asarray(self.force(x), float)
         if force.shape != x.shape or not np.all(np.isfinite(force)):
             raise InvalidScene(
-                f"body force of shape {force.shape} at {x.shape[0]} positions: give two finite numbers each"
+                f"body force of shape {force.shape} at {x.shape[0]} positions: give two finite numbers for each"
             )
         if self.region is None:
             return force
@@ -94,19 +96,31 @@ def at_places(
 ) -> Action:
     """What is carried by points or acts at positions, alone; nothing where not given."""
     none, nowhere = np.empty(0, np.intp), np.empty((0, 2))
-    return Action(
-        none if points is None else points,
-        *(nowhere if part is None else part for part in (carried, position, force)),
-    )
+    carried, position, force = (nowhere if part is None else part for part in (carried, position, force))
+    return Action(none if points is None else points, carried, position, force)
 
 
 def action(loads: Iterable[Load], x: Array, volume: Array, tol: float) -> Action:
     """What all loads do, in their order; arguments as for `Load.act`."""
     parts = [at_places(), *(load.act(x, volume, tol) for load in loads)]
-    arrays = (np.concatenate(part) for part in zip(*(act[:4] for act in parts), strict=True))
-    along = tuple(piece for act in parts for piece in act.along)
-    throughout = tuple(piece for act in parts for piece in act.throughout)
-    return Action(*arrays, along, throughout)
+    return Action(
+        np.concatenate([act.points for act in parts]),
+        np.concatenate([act.carried for act in parts]),
+        np.concatenate([act.position for act in parts]),
+        np.concatenate([act.force for act in parts]),
+        tuple(piece for act in parts for piece in act.along),
+        tuple(piece for act in parts for piece in act.throughout),
+    )
+
+
+def carriers(load: Load, x: Array, volume: Array, tol: float, domain: Region, lines: tuple[Array, Array]) -> Index:
+    """Points (or elements) that carry a part of a load whatever their density: those it names, those of its volume, and
+    the nearest to each position of the outline, which is cut at the `lines` of a grid, see `outline.surface`."""
+    act = load.act(x, volume, tol)
+    found = [act.points]
+    found += [np.flatnonzero(np.any(part.at(x, tol), axis=1)) for part in act.throughout if not part.follows_density]
+    found += [cKDTree(x).query(surface(domain, piece.region, lines).x)[1] for piece in act.along]
+    return np.unique(np.concatenate(found))
 
 
 def positions(loads: Iterable[Load]) -> Array:

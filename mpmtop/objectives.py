@@ -71,7 +71,7 @@ def objective(stated: Criterion, model: Model, volume_share: Array) -> Objective
                 solves=False,
             )
         case Displacement():
-            unit = model.force_of((stated.unit_load,))
+            unit = model.forces_of((stated.unit_load,)).fixed
             return Objective(
                 lambda model, state, rho: float(unit @ state.u), lambda model, state, rho: Derivative(u=unit)
             )

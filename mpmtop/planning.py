@@ -5,6 +5,7 @@ import scipy.sparse as sp
 
 from mpmtop.cases import shared_with
 from mpmtop.criteria import Worst
+from mpmtop.loads import action
 from mpmtop.model import Model
 from mpmtop.problem import DesignProblem
 from mpmtop.solvers import MAX_ITERATIONS, MultigridCG
@@ -26,6 +27,7 @@ def plan(problem: DesignProblem) -> str:
         f"unknowns: {len(model.stiffness.dof)}; {held} degrees of freedom are held and never assembled",
         f"stencil ({model.shape_function.__name__}): {np.mean(touched):.2f} nodes for a point on average; "
         f"{np.count_nonzero(touched <= 4)} of {p} points need no more than the 4 of their own cell",
+        f"loads: {_load_plan(model)}",
         f"dilatation: {'of each point' if model.transfer.b_bar is None else 'averaged over each cell (B-bar)'}",
         f"ghost faces: {_ghost_plan(model)}",
         f"stiffness: {len(model.stiffness.row)} entries of the lower triangle, {_stiffness_plan(model)}",
@@ -72,6 +74,19 @@ def _asked_plan(problem: DesignProblem) -> list[str]:
     if design.symmetry:
         lines.append(f"symmetry: {len(problem.positions)} variables for {len(problem.space.active)} active points")
     return lines
+
+
+def _load_plan(model: Model) -> str:
+    points = model.points
+    acts = action(model.body.loads, points.x, points.volume, 1e-9 * min(model.grid.h))
+    parts = {
+        f"{len(acts.points)} forces carried by points": len(acts.points),
+        f"{len(acts.position)} at positions": len(acts.position),
+        f"{len(acts.along)} along the outline": len(acts.along),
+        f"{len(acts.throughout)} by volume": len(acts.throughout),
+    }
+    follows = "" if model.forces.weight is None else ", of which some follow the density: a part of every gradient"
+    return (", ".join(text for text, count in parts.items() if count) or "none") + follows
 
 
 def _ghost_plan(model: Model) -> str:

@@ -20,6 +20,7 @@ import numpy as np
 from mpmtop.arrays import Array
 from mpmtop.at_points import fields_at_points as fields_at_points  # known to `fields` from here on
 from mpmtop.fields import Fields, Layout, fields, layout, scalar
+from mpmtop.outline import surface
 from mpmtop.region import Region
 from mpmtop.scene import Scene
 
@@ -116,8 +117,7 @@ def scene(of: Scene, model: Any = None, ax: Axes | None = None) -> Axes:
     else:
         handles += _discretised(ax, layout(model))
     span = 0.18 * float(sides.max())
-    for load in of.body.loads:
-        at, force = _resultant(load, of.body.domain)
+    for at, force in (arrow for load in of.body.loads for arrow in _arrows(load, of.body.domain)):
         tip = at + span * force / max(float(np.hypot(*force)), np.finfo(float).tiny)
         ax.annotate(
             "",
@@ -279,13 +279,20 @@ def _raster(domain: Region, reach: float) -> tuple[Array, tuple[int, int], tuple
     return at, (rows, columns), (lower[0], upper[0], lower[1], upper[1]), tol
 
 
-def _resultant(load: Any, domain: Region) -> tuple[Array, Array]:
-    """Where a load acts, in the mean, and its force (2,)."""
+def _arrows(load: Any, domain: Region) -> list[tuple[Array, Array]]:
+    """Where a load acts and its force (2,) there: in the mean, but at several places along the outline."""
     if hasattr(load, "position"):
-        return np.array(load.position, float), np.array(load.force, float)
+        return [(np.array(load.position, float), np.array(load.force, float))]
     x, _, _, tol = _raster(domain, 0.01)
-    loaded = x[load.region.contains(x, tol) & domain.contains(x, tol)]
-    return loaded.mean(axis=0), np.array(load.force, float)
+    x = x[domain.contains(x, tol)]
+    act = load.act(x, np.ones(len(x)), tol)
+    arrows = [(act.places(x)[0].mean(axis=0), act.carried.sum(axis=0))] if len(act.points) else []
+    for part in act.throughout:
+        arrows.append((x[np.any((force := part.at(x, tol)) != 0, axis=1)].mean(axis=0), force.sum(axis=0)))
+    for piece in act.along:
+        on = surface(domain, piece.region, tuple(np.linspace(*domain.bounds, 9).T))
+        arrows += list(zip(on.x[2::5], piece.traction(on.x, on.normal)[2::5], strict=True))  # one between two cuts
+    return arrows
 
 
 def _discretised(ax: Axes, where: Layout) -> list[Any]:

@@ -12,9 +12,10 @@ from mpmtop.arrays import Array
 from mpmtop.cases import case_models, states
 from mpmtop.criteria import AtMost, Compliance, Criterion, Displacement, Worst, finite_gradient
 from mpmtop.design import Design, physical_densities
-from mpmtop.equilibrium import Equilibrium, adjoint, moduli_gradient
+from mpmtop.equilibrium import Equilibrium, adjoint, load_gradient, moduli_gradient
 from mpmtop.errors import LoadOutsideBody
 from mpmtop.fingerprint import digits, words
+from mpmtop.loads import carriers
 from mpmtop.material import simp
 from mpmtop.model import Model, discretise
 from mpmtop.objectives import Objective, objective
@@ -106,9 +107,10 @@ class DesignProblem(DesignVariables):
 
     def _check_passive(self) -> None:
         self.check_feasible()
-        void, points = np.flatnonzero(self.space.void), self.model.points
-        for load in (*self.model.body.loads, *(load for case in self.cases for load in case.loads)):
-            if np.any(np.isin(load.act(points.x, points.volume, 1e-9 * min(self.model.grid.h)).points, void)):
+        body, points, grid = self.model.body, self.model.points, self.model.grid
+        for load in (*body.loads, *(load for case in self.cases for load in case.loads)):
+            of = carriers(load, points.x, points.volume, 1e-9 * min(grid.h), body.domain, grid.lines)
+            if np.any(self.space.void[of]):
                 raise LoadOutsideBody(f"passive void would carry a part of {load}: move it, or lower its `points`")
 
     @property
@@ -193,7 +195,8 @@ class DesignProblem(DesignVariables):
         digest = hashlib.sha256(repr(said).encode())
         transfer, ghost = model.transfer, model.ghost
         touched = transfer.touched
-        sparse = ghost.jump, ghost.modulus
+        weights = (case.forces.weight for case in self.models)
+        sparse = (ghost.jump, ghost.modulus, *(weight for weight in weights if weight is not None))
         whole = (
             *(
                 touched.sum(axis=1),
@@ -210,7 +213,7 @@ class DesignProblem(DesignVariables):
             *(() if transfer.b_bar is None else (transfer.b_bar[touched],)),
             *(matrix.data for matrix in sparse),
             *(force for case in self.models[1:] for force in (case.f_ext,)),
-            *(model.force_of((each.unit_load,)) for each in self._displacements),
+            *(model.forces_of((each.unit_load,)).fixed for each in self._displacements),
         )
         for array in (*whole, *map(digits, computed)):
             digest.update(np.ascontiguousarray(array, np.int64).tobytes())
@@ -229,7 +232,7 @@ class DesignProblem(DesignVariables):
         rho = physical_densities(rho, len(self.model.points.volume), "point")
         moduli = self.model.body.material.young * simp(rho, self.design.penal, self.design.contrast)[0]
         tol = min(self.model.solver.tolerance, *(functional.tolerance for functional in self.functionals))
-        found = states(self.models, moduli, tol)
+        found = states(self.models, moduli, rho, tol)
         objectives, others = (
             [self._value(each, found, rho) for each in sums] for sums in (self._objectives, self._constraints)
         )
@@ -277,7 +280,10 @@ class DesignProblem(DesignVariables):
             if by.rho is not None:
                 explicit = explicit + factor * by.rho
             if functional.of_state:
-                by_moduli = by_moduli + factor * moduli_gradient(model, state, adjoint(model, state, by))
+                found = adjoint(model, state, by)
+                by_moduli = by_moduli + factor * moduli_gradient(model, state, found)
+                by_load = load_gradient(model, state, found)
+                explicit = explicit if by_load is None else explicit + factor * by_load
         slope = simp(rho, self.design.penal, self.design.contrast)[1]
         return explicit + by_moduli * self.model.body.material.young * slope
 

@@ -18,7 +18,7 @@ from mpmtop.arrays import Array, Index, Mask
 from mpmtop.errors import PositionOutsideBody
 from mpmtop.grid import Grid
 from mpmtop.points import MaterialPoints
-from mpmtop.shape_functions import Ends, ShapeFunction
+from mpmtop.shape_functions import Ends, ShapeFunction, gimp
 from mpmtop.voigt import entries, local_B
 
 REACH = 1.0
@@ -176,19 +176,21 @@ def functions_near(
     points: MaterialPoints,
     nodes: Index,
     shape_function: ShapeFunction,
-    ends: tuple[Ends, Ends],
     x: Array,
 ) -> Near:
     """The functions of the active `nodes` (a,) at positions x (k, 2) of the outline, which the points' cells need not
     reach: that of a curved body runs through cells without a point, and along the edge of others.
 
-    A position there takes the functions of the nearest cell that holds a point, continued linearly from its nearest
-    position x0: N(x0) + grad N(x0) . (x - x0). They still sum to one and reproduce linear fields, so that forces keep
-    their resultant and their moment. PositionOutsideBody if that cell is further than REACH cells.
+    A position there takes the functions of the nearest cell that holds a point, or with GIMP a part of its domain,
+    continued linearly from its nearest position x0: N(x0) + grad N(x0) . (x - x0). They still sum to one and reproduce
+    linear fields, so that forces keep their resultant and their moment. PositionOutsideBody if that cell is further
+    than REACH cells.
     """
     x = np.asarray(x, float)
     xi, cell, _ = located(grid, x)
-    held = np.unique(located(grid, points.x)[1], axis=0)
+    held = _cells_of(grid, points, shape_function)
+    (i0, j0), (i1, j1) = held.min(axis=0), held.max(axis=0) + 1
+    ends = (int(i0), int(i1)), (int(j0), int(j1))
     row = grid.nodes[1]
     beyond = np.flatnonzero(~np.isin(cell @ [row, 1], held @ [row, 1]))
     if len(beyond):
@@ -217,6 +219,16 @@ def functions_near(
     N = N + np.einsum("pnk,pk->pn", grad_N, x - x0)
     stencil = np.where(touched, stencil, 0)
     return Near(Functions(*operators(stencil, touched, N, grad_N, len(nodes))), cell)
+
+
+def _cells_of(grid: Grid, points: MaterialPoints, shape_function: ShapeFunction) -> Index:
+    """Cells (c, 2) that hold a point, or with GIMP a part of its domain: all functions there have their nodes."""
+    if shape_function is not gimp:
+        return np.unique(located(grid, points.x)[1], axis=0)
+    # a hair inside the domain, as its edge may be a line of the grid
+    reach = points.half_length - 1e-9 * np.asarray(grid.h)
+    corners = [points.x + np.multiply(side, reach) for side in ((-1, -1), (-1, 1), (1, -1), (1, 1))]
+    return np.unique(located(grid, np.concatenate(corners))[1], axis=0)
 
 
 def _rows(values: Array, stored: Mask, column: Index, columns: int) -> sp.csr_array:

@@ -1,5 +1,7 @@
 """Layout and fields of a finite element model, for pictures and files."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from mpmtop.arrays import Array
@@ -30,13 +32,15 @@ def layout_of_elements(model: FemModel) -> Layout:
 @fields.register
 def fields_at_elements(model: FemModel, state: State, rho: Array) -> Fields:
     """Fields at the elements' centres, and displacements of their corners."""
-    where, basis, u = layout_of_elements(model), model.basis, state.u
+    basis, u = model.basis, state.u
+    load = model.force(rho)
+    where = replace(layout_of_elements(model), load=np.stack([load[dofs] for dofs in basis.split_indices()], axis=1))
     nu, strained = model.body.material.poisson, model.body.material.plane == "strain"
     strain = (strain_operator(model) @ u).reshape(-1, 3) * [1, 1, 0.5]
     trace = strain[:, 0] + strain[:, 1]
     element = basis.element_dofs.T
     force = state.moduli[:, None] * np.einsum("eab,eb->ea", model.matrices[model.shape], u[element])
-    reaction = np.bincount(element.ravel(), force.ravel(), basis.N) - model.f_ext
+    reaction = np.bincount(element.ravel(), force.ravel(), basis.N) - load
     reaction[model.free] = 0
     components = basis.split_indices()
     corner = u[basis.nodal_dofs[:, basis.mesh.t]]  # (2, 4, e)

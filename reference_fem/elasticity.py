@@ -20,8 +20,9 @@ from mpmtop.body import Body, Material
 from mpmtop.criteria import StressMeasure
 from mpmtop.errors import InvalidScene, NotConverged
 from mpmtop.loads import action, check_work
-from reference_fem.boundary import held_dofs, locate_in_lattice, locate_in_mesh, nodal_forces
+from reference_fem.boundary import held_dofs, nodal_forces
 from reference_fem.factorise import Factorise, Solve, choose_elimination, minimum_degree_superlu
+from reference_fem.forces import distributed
 from reference_fem.mesh import (
     ELEMENT_CENTRE,
     GEOMETRY_TOLERANCE,
@@ -33,6 +34,7 @@ from reference_fem.mesh import (
     shortest_side,
     vector_basis,
 )
+from reference_fem.outline import ANY_MESH, LATTICE
 
 Eliminate = Callable[[CellBasis, Index], tuple[Index, Factorise]]  # free dofs (n,) -> in what order, and how
 
@@ -69,7 +71,8 @@ class FemModel:
     free        (n,) free dofs in order of elimination
     matrices    (s, d, d) stiffness at unit modulus of each distinct element shape
     shape       (e,) which of them an element has
-    f_ext       (N,) load vector [force]
+    f_ext       (N,) load vector [force], but for loads that follow the density
+    weight      (N, e) these by the density of each element, None if there is none
     """
 
     body: Body
@@ -80,8 +83,13 @@ class FemModel:
     matrices: Array
     shape: Index
     f_ext: Array
+    weight: sp.csr_matrix | None
     stiffness: StiffnessMap
     factorise: Factorise
+
+    def force(self, rho: Array) -> Array:
+        """Load vector (N,) of all loads at densities rho (e,)."""
+        return self.f_ext if self.weight is None else self.f_ext + self.weight @ rho
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,16 +118,19 @@ def discretise(
     if (size is None) == (mesh is None):
         raise InvalidScene("elements: give their size or a mesh, one of the two")
     if mesh is None:
-        mesh, locate, eliminate = domain_lattice(body.domain, np.broadcast_to(np.asarray(size, float), 2)), *ON_LATTICE
+        mesh, kind, eliminate = domain_lattice(body.domain, np.broadcast_to(np.asarray(size, float), 2)), *ON_LATTICE
     else:
         check_mesh(body.domain, mesh)
-        locate, eliminate = ON_ANY_MESH
+        kind, eliminate = ON_ANY_MESH
     basis = vector_basis(mesh, order)
     centres, tol = element_centres(mesh), GEOMETRY_TOLERANCE * shortest_side(mesh)
-    positions, forces = action(body.loads, centres, element_areas(mesh), tol).places(centres)
-    model = fem_model(body, basis, nodal_forces(basis, positions, forces, locate), eliminate)
+    acts = action(body.loads, centres, element_areas(mesh), tol)
+    positions, forces = acts.places(centres)
+    spread = distributed(acts, body.domain, basis, kind)
+    at_places = nodal_forces(basis, positions, forces, kind.locate)
+    model = fem_model(body, basis, at_places + spread.fixed, eliminate, weight=spread.weight)
     if body.loads:
-        check_work(model.f_ext[model.free], forces)
+        check_work(model.force(np.ones(len(model.area)))[model.free], float(np.abs(forces).sum()) + spread.size)
     return model
 
 
@@ -136,12 +147,19 @@ def minimum_degree_elimination(basis: CellBasis, free: Index) -> tuple[Index, Fa
     return np.arange(len(free)), minimum_degree_superlu
 
 
-ON_LATTICE = locate_in_lattice, lattice_elimination
-ON_ANY_MESH = locate_in_mesh, minimum_degree_elimination
+ON_LATTICE = LATTICE, lattice_elimination
+ON_ANY_MESH = ANY_MESH, minimum_degree_elimination
 
 
-def fem_model(body: Body, basis: CellBasis, f_ext: Array, eliminate: Eliminate = lattice_elimination) -> FemModel:
-    """Model of the body's supports and material on a basis over quads, under the load vector f_ext (N,)."""
+def fem_model(
+    body: Body,
+    basis: CellBasis,
+    f_ext: Array,
+    eliminate: Eliminate = lattice_elimination,
+    *,
+    weight: sp.csr_matrix | None = None,
+) -> FemModel:
+    """Model of supports and material on a basis over quads, under the load vector f_ext (N,) and `weight` (N, e)."""
     held = held_dofs(body.supports, basis, GEOMETRY_TOLERANCE * shortest_side(basis.mesh))
     unordered = np.flatnonzero(~held)
     order, factorise = eliminate(basis, unordered)
@@ -157,6 +175,7 @@ def fem_model(body: Body, basis: CellBasis, f_ext: Array, eliminate: Eliminate =
         matrices=matrices,
         shape=shape,
         f_ext=f_ext,
+        weight=weight,
         stiffness=_stiffness_map(dofs, matrices[shape], len(free)),
         factorise=factorise,
     )
@@ -251,6 +270,11 @@ def adjoint(state: State, by: Derivative) -> Array:
     """lambda (N,) with K lambda = dJ/du, of L = J + lambda . (f - K u); u itself for the work of the load, K u = f."""
     own = by.work * state.u
     return own if by.u is None else own + state.solve(by.u)
+
+
+def load_gradient(model: FemModel, state: State, by: Derivative, adjoint: Array) -> Array | None:
+    """(work u + lambda) . df/drho (e,) of the loads that follow the density; None if none does."""
+    return None if model.weight is None else model.weight.T @ (by.work * state.u + adjoint)
 
 
 def moduli_gradient(model: FemModel, state: State, adjoint: Array) -> Array:

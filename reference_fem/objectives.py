@@ -39,7 +39,7 @@ def objective(stated: Compliance | PNormStress, model: FemModel, stress_at: Stre
 
 def compliance(model: FemModel) -> Objective:
     """J = f . u, self-adjoint."""
-    return Objective(value=lambda rho, u: float(model.f_ext @ u), derivative=lambda rho, u: Derivative(work=1.0))
+    return Objective(value=lambda rho, u: float(model.force(rho) @ u), derivative=lambda rho, u: Derivative(work=1.0))
 
 
 def p_norm_stress(

@@ -12,11 +12,39 @@ from mpmtop.arrays import Array, Index
 from mpmtop.errors import LoadOutsideBody
 from mpmtop.outline import Surface, surface
 from mpmtop.region import Region
+from reference_fem.boundary import Locate, locate_in_lattice, locate_in_mesh, reference_in_lattice, reference_in_mesh
 from reference_fem.mesh import element_centres, shortest_side
 
-Reference = Callable[[CellBasis, Index, Array], Array]
 REACH = 1.0  # of an element's longest side: how far the outline may be from the nearest element
 NEAREST = 16  # centres, one of them that of the element nearest to a position so near
+
+
+class MeshKind(NamedTuple):
+    """What differs between a lattice of quads and any other mesh.
+
+    locate      basis, positions (k, 2) -> the elements (k,) that hold them, and reference coordinates (2, k)
+    reference   basis, elements (k,), positions (k, 2) -> reference coordinates (2, k)
+    lines       mesh -> coordinates (m,) along x and along y at which an outline is cut to be integrated over
+    """
+
+    locate: Locate
+    reference: Callable[[CellBasis, Index, Array], Array]
+    lines: Callable[[MeshQuad], tuple[Array, Array]]
+
+
+def _lattice_lines(mesh: MeshQuad) -> tuple[Array, Array]:
+    return np.unique(mesh.p[0]), np.unique(mesh.p[1])
+
+
+def even_lines(mesh: MeshQuad) -> tuple[Array, Array]:
+    """Lines a shortest side apart, as edges may run anywhere: kinks of the functions are then met to that."""
+    side = shortest_side(mesh)
+    x, y = (np.arange(a.min(), a.max() + side, side) for a in mesh.p)
+    return x, y
+
+
+LATTICE = MeshKind(locate_in_lattice, reference_in_lattice, _lattice_lines)
+ANY_MESH = MeshKind(locate_in_mesh, reference_in_mesh, even_lines)
 
 
 class AtOutline(NamedTuple):
@@ -28,17 +56,12 @@ class AtOutline(NamedTuple):
     B: sp.csr_matrix
 
 
-def outline(domain: Region, region: Region, mesh: MeshQuad) -> Surface:
-    """The part of the domain's outline in `region`, to integrate over: cut where coordinates of nodes lie, which in a
-    lattice are its lines, and in any other mesh at every shortest side, as its edges may run anywhere."""
-    lines = [np.unique(np.round(line, 12)) for line in mesh.p]
-    if len(lines[0]) * len(lines[1]) != mesh.p.shape[1] and len(mesh.p[0]) < len(lines[0]) * len(lines[1]) / 4:
-        side = shortest_side(mesh)
-        lines = [np.arange(line[0], line[-1] + side, side) for line in lines]
-    return surface(domain, region, (lines[0], lines[1]))
+def outline(domain: Region, region: Region, mesh: MeshQuad, kind: MeshKind) -> Surface:
+    """The part of the domain's outline in `region`, to integrate over."""
+    return surface(domain, region, kind.lines(mesh))
 
 
-def at_outline(basis: CellBasis, x: Array, reference: Reference) -> AtOutline:
+def at_outline(basis: CellBasis, x: Array, kind: MeshKind) -> AtOutline:
     """The basis at positions x (k, 2) of the outline, in the nearest element each.
 
     Outside of it the functions are continued linearly from its nearest position x0, N(x0) + grad N(x0) . (x - x0), so
@@ -60,7 +83,7 @@ def at_outline(basis: CellBasis, x: Array, reference: Reference) -> AtOutline:
         far = x[np.argmax(distance[at] - reach)]
         raise LoadOutsideBody(f"no element within {REACH:g} sides of the outline at {far}: use smaller elements")
     element, x0 = near[at], on[at]
-    place = np.clip(reference(basis, element, x0), 0, 1)
+    place = np.clip(kind.reference(basis, element, x0), 0, 1)
     value, strain = np.zeros((k, 2, n)), np.zeros((k, 3, n))
     for i in range(n):
         field = basis.elem.gbasis(basis.mapping, place[:, :, None], i, tind=element)[0]

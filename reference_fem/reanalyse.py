@@ -11,15 +11,18 @@ from scipy.spatial import cKDTree
 from skfem import CellBasis
 
 from mpmtop.arrays import Array, Index
+from mpmtop.body import Body
 from mpmtop.criteria import Criterion, PNormStress, Worst
 from mpmtop.design import Design, physical_densities
 from mpmtop.errors import EmptyDomain, InvalidScene, LoadOutsideBody
-from mpmtop.loads import Load, action
+from mpmtop.loads import action
 from mpmtop.scene import Scene
 from reference_fem.boundary import nodal_forces
-from reference_fem.elasticity import FemModel, fem_model, solve, stress, von_mises
+from reference_fem.elasticity import FemModel, fem_model, inverse_stiffness, stress, von_mises
+from reference_fem.forces import Forces, distributed
 from reference_fem.mesh import GEOMETRY_TOLERANCE, element_centres, element_sides, lattice, vector_basis
 from reference_fem.objectives import p_norm
+from reference_fem.outline import LATTICE
 from reference_fem.simp import simp
 
 GAUSS = np.array([[-1, -1], [1, -1], [-1, 1], [1, 1]]) / np.sqrt(12)  # of the side: exact to cubics along each axis
@@ -57,8 +60,10 @@ class Judge:
     def __call__(self, rho: Array) -> Judgement:
         """Analyse the physical densities rho (p,) in [0, 1] of the points: one factorisation, one solve."""
         rho = physical_densities(rho, self.points, "point")
-        u = solve(self.model, simp(rho, self.model.body.material, self.design)[0][self.owner])
-        return Judgement(float(self.model.f_ext @ u), len(self.model.free), len(self.owner), u)
+        moduli = simp(rho, self.model.body.material, self.design)[0][self.owner]
+        force = self.model.force(rho[self.owner])
+        u = inverse_stiffness(self.model, moduli)(force)
+        return Judgement(float(force @ u), len(self.model.free), len(self.owner), u)
 
 
 def reanalyse(scene: Scene, x: Array, half_length: Array, rho: Array, split: int = 2, order: int = 2) -> Judgement:
@@ -89,7 +94,8 @@ def build_judge(scene: Scene, x: Array, half_length: Array, split: int = 2, orde
             f"no point's rectangle lies in the domain of {scene.name!r}: check positions and half-lengths"
         )
     basis = vector_basis(full.restrict(owned), order)
-    model = fem_model(scene.body, basis, _load(scene.body.loads, basis, x, half_length, owner[owned]))
+    load = _load(scene.body, basis, x, half_length, owner[owned])
+    model = fem_model(scene.body, basis, load.fixed, weight=load.weight)
     return Judge(model, scene.design, scene.objective, owner[owned], len(x))
 
 
@@ -123,10 +129,10 @@ def owners(cells: Array, x: Array, half_length: Array) -> Index:
     return owner
 
 
-def _load(loads: tuple[Load, ...], basis: CellBasis, x: Array, half_length: Array, owner: Index) -> Array:
-    """Load vector (N,) of loads on points x (p, 2), spread over the elements that `owner` (e,) gives them."""
+def _load(body: Body, basis: CellBasis, x: Array, half_length: Array, owner: Index) -> Forces:
+    """Load vectors of loads on points x (p, 2), spread over the elements that `owner` (e,) gives them."""
     sides = element_sides(basis.mesh)
-    acts = action(loads, x, np.prod(2 * half_length, axis=1), GEOMETRY_TOLERANCE * float(sides.min()))
+    acts = action(body.loads, x, np.prod(2 * half_length, axis=1), GEOMETRY_TOLERANCE * float(sides.min()))
     force = np.zeros_like(x)
     np.add.at(force, acts.points, acts.carried)
     loaded = np.any(force != 0, axis=1)
@@ -139,4 +145,6 @@ def _load(loads: tuple[Load, ...], basis: CellBasis, x: Array, half_length: Arra
     share = (force / np.maximum(cells, 1)[:, None])[owner[element]] / len(GAUSS)
     gauss = element_centres(basis.mesh)[element, None] + GAUSS * sides[element, None]
     position, at = np.concatenate([acts.position, gauss.reshape(-1, 2)]), np.repeat(share, len(GAUSS), axis=0)
-    return nodal_forces(basis, position, np.concatenate([acts.force, at]))
+    spread = distributed(acts, body.domain, basis, LATTICE)
+    at_places = nodal_forces(basis, position, np.concatenate([acts.force, at]))
+    return spread._replace(fixed=at_places + spread.fixed)

@@ -14,12 +14,22 @@ from mpmtop.body import Material
 from mpmtop.criteria import Compliance, PNormStress, finite_gradient
 from mpmtop.design import Design, physical_densities
 from mpmtop.errors import InvalidScene, LoadOutsideBody
+from mpmtop.loads import carriers
 from mpmtop.scene import Scene, check_together
 from reference_fem import at_elements as at_elements
 from reference_fem.design import DesignSpace, design_space
-from reference_fem.elasticity import FemModel, State, adjoint, discretise, inverse_stiffness, moduli_gradient
+from reference_fem.elasticity import (
+    FemModel,
+    State,
+    adjoint,
+    discretise,
+    inverse_stiffness,
+    load_gradient,
+    moduli_gradient,
+)
 from reference_fem.mesh import GEOMETRY_TOLERANCE, shortest_side
 from reference_fem.objectives import STRESS_POSITIONS, Objective, StressPosition, objective
+from reference_fem.outline import even_lines
 
 Filtered = Literal["density", "sensitivity"]
 SENSITIVITY_FLOOR = 1e-3  # density by which the averaged sensitivity is divided, at least: of the published codes
@@ -160,7 +170,8 @@ class DesignProblem:
         )
         digest = hashlib.sha256(repr(said).encode())
         corners = model.basis.mesh.p[:, model.basis.mesh.t]
-        weights = (self.H.data, self.H.indices, self.H.indptr)
+        sparse = (self.H, *(() if model.weight is None else (model.weight,)))
+        weights = (part for matrix in sparse for part in (matrix.data, matrix.indices, matrix.indptr))
         for array in (corners, np.sort(model.free), model.f_ext, space.solid, space.void, space.fixed, *weights):
             digest.update(array.tobytes())
         return digest.hexdigest()
@@ -178,7 +189,7 @@ class DesignProblem:
         rho = physical_densities(rho, len(self.model.area), "element")
         moduli = simp(rho, self.model.body.material, self.design)[0]
         inverse = inverse_stiffness(self.model, moduli)
-        u = inverse(self.model.f_ext)
+        u = inverse(self.model.force(rho))
         constraints = np.array([self.volume(rho) - 1])
         return Evaluation(self.functional.value(rho, u), constraints, rho, State(moduli, u, inverse))
 
@@ -203,16 +214,19 @@ class DesignProblem:
         """
         rho, state = evaluation.rho, evaluation.state
         by = self.functional.derivative(rho, state.u)
-        by_moduli = moduli_gradient(self.model, state, adjoint(state, by))
-        by_rho = simp(rho, self.model.body.material, self.design)[1] * by_moduli
+        found = adjoint(state, by)
+        by_rho = simp(rho, self.model.body.material, self.design)[1] * moduli_gradient(self.model, state, found)
+        by_load = load_gradient(self.model, state, by, found)
+        by_rho = by_rho if by_load is None else by_rho + by_load
         return by_rho if by.rho is None else by.rho + by_rho
 
 
 def _check_loads(model: FemModel, void: Mask) -> None:
     """Raise LoadOutsideBody if an element of passive void (e,) would carry a part of a load."""
-    tol = GEOMETRY_TOLERANCE * shortest_side(model.basis.mesh)
+    mesh, domain = model.basis.mesh, model.body.domain
+    tol = GEOMETRY_TOLERANCE * shortest_side(mesh)
     for load in model.body.loads:
-        if np.any(void[load.act(model.centres, model.area, tol).points]):
+        if np.any(void[carriers(load, model.centres, model.area, tol, domain, even_lines(mesh))]):
             raise LoadOutsideBody(f"passive void would carry a part of {load}: move it, or lower its `points`")
 
 

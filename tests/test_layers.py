@@ -13,12 +13,12 @@ import mpmtop
 
 ROOT = Path(__file__).parent.parent
 ORDER = [
-    *("arrays", "errors", "region", "loads", "body", "design", "criteria", "scene"),
+    *("arrays", "errors", "curves", "region", "outline", "loads", "body", "design", "criteria", "scene"),
     *("grid", "points", "quadtree", "shape_functions", "voigt", "transfer", "b_bar", "ghost", "material"),
     *("gaps", "diagnose"),
     *("stiffness", "solvers.pattern", "solvers.checked", "solvers.banded", "solvers.superlu", "solvers.dissection"),
     *("solvers.sparse_cholesky", "solvers.stencil", "solvers.multigrid", "solvers.multigrid_cg", "solvers"),
-    *("model", "mechanism", "equilibrium", "objectives"),
+    *("forces", "model", "mechanism", "equilibrium", "objectives"),
     *("filter", "projection", "symmetry", "variables", "cases", "fingerprint", "problem", "planning"),
     *(f"optimizers.{name}" for name in ("protocols", "subproblem", "state", "mma", "gcmma", "optimality_criteria")),
     *(f"optimizers.{name}" for name in ("start", "stopping", "checkpoint", "loop")),
@@ -31,9 +31,8 @@ ORDER = [
     "large_deformation",
 ]
 LIBRARIES = {"mpmtop": {"numpy", "scipy"}, "reference_fem": {"numpy", "scipy", "skfem", "mpmtop"}}
-STATEMENT = {
-    f"mpmtop.{name}" for name in ("arrays", "errors", "region", "loads", "body", "design", "criteria", "scene")
-}
+STATED = ("arrays", "errors", "region", "outline", "loads", "body", "design", "criteria", "scene")
+STATEMENT = {f"mpmtop.{name}" for name in STATED}
 UNTOLD = {"__init__", "arrays"}
 """Modules that the contents do not name: the package itself, and types."""
 STANDARD = sys.stdlib_module_names
