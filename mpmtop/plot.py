@@ -287,8 +287,8 @@ def _arrows(load: Any, domain: Region) -> list[tuple[Array, Array]]:
     x = x[domain.contains(x, tol)]
     act = load.act(x, np.ones(len(x)), tol)
     arrows = [(act.places(x)[0].mean(axis=0), act.carried.sum(axis=0))] if len(act.points) else []
-    for part in act.throughout:
-        arrows.append((x[np.any((force := part.at(x, tol)) != 0, axis=1)].mean(axis=0), force.sum(axis=0)))
+    by_volume = (part.at(x, tol) for part in act.throughout)
+    arrows += [(x[np.any(force != 0, axis=1)].mean(axis=0), force.sum(axis=0)) for force in by_volume]
     for piece in act.along:
         on = surface(domain, piece.region, tuple(np.linspace(*domain.bounds, 9).T))
         arrows += list(zip(on.x[2::5], piece.traction(on.x, on.normal)[2::5], strict=True))  # one between two cuts
