@@ -15,8 +15,9 @@ from mpmtop.grid import Grid
 from mpmtop.loads import BodyForce, Load, PointLoad, Pressure, Traction, Weight
 from mpmtop.material import simp
 from mpmtop.model import Model, discretise
+from mpmtop.planning import plan
 from mpmtop.points import seed
-from mpmtop.problem import DesignProblem, plan
+from mpmtop.problem import DesignProblem
 from mpmtop.region import Circle, Difference, Rectangle, Region
 from mpmtop.shape_functions import ShapeFunction, bspline2, bspline3, gimp, tent
 from tests.scenes import LEFT_CLAMP, SHAPE_FUNCTIONS
