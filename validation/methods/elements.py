@@ -33,15 +33,14 @@ class ElementMethod:
     capabilities: frozenset[Capability] = field(default=ON_LATTICE)
 
     def analyse(self, case: Case) -> Answer:
-        """At the elements' centres; see `Method`."""
+        """At the elements' centres; see `Analyses`."""
         model, f, u, element = self._solved(case)
-        moduli = np.empty(len(element))
-        moduli[element] = case.moduli
+        moduli = _in_order(case.moduli, element)
         stress = elasticity.stress(model, u, moduli)[element, 0, :3]
         return Answer(_at_centres(model, u)[element], stress, float(f @ u))
 
     def gradient(self, case: Case) -> Array:
-        """-u_e . k_e u_e (e,); see `Method`."""
+        """-u_e . k_e u_e (e,); see `Analyses`."""
         model, _, u, element = self._solved(case)
         return -elasticity.unit_work(model, u, u)[element]
 
@@ -50,15 +49,15 @@ class ElementMethod:
         size = 2 * case.points.half_length[0]
         model = elasticity.discretise(case.body, (float(size[0]), float(size[1])), self.order)
         element = KDTree(model.centres).query(case.points.x)[1]
-        moduli = np.empty(len(element))
-        moduli[element] = case.moduli
+        moduli = _in_order(case.moduli, element)
+        form = LinearForm(lambda v, w: dot(w.b, v))
         f = model.f_ext
+        if case.forces is not None:  # at the centre, the only point of the model's basis
+            f = f + form.assemble(model.basis, b=(_in_order(case.forces, element) / model.area[:, None]).T[:, :, None])
         if case.body_force is not None:
-            b = np.empty_like(case.points.x)
-            b[element] = case.body_force
             fine = CellBasis(model.basis.mesh, model.basis.elem, intorder=2 * self.order, dofs=model.basis.dofs)
-            constant = np.broadcast_to(b.T[:, :, None], (2, *fine.dx.shape))
-            f = f + LinearForm(lambda v, w: dot(w.b, v)).assemble(fine, b=constant)
+            constant = np.broadcast_to(_in_order(case.body_force, element).T[:, :, None], (2, *fine.dx.shape))
+            f = f + form.assemble(fine, b=constant)
         u = np.zeros(model.basis.N)
         for a, dofs in enumerate(model.basis.split_indices()):
             u[dofs] = case.displaced(model.basis.doflocs[:, dofs].T)[:, a]
@@ -68,6 +67,13 @@ class ElementMethod:
         lifted = f - np.bincount(dofs.ravel(), local.ravel(), model.basis.N)
         u[model.free] = elasticity.inverse_stiffness(model, moduli)(lifted)[model.free]
         return model, f, u, element
+
+
+def _in_order(values: Array, element: Index) -> Array:
+    """Values by point (p, ...) in the order of the elements."""
+    ordered = np.empty_like(values)
+    ordered[element] = values
+    return ordered
 
 
 def _at_centres(model: FemModel, u: Array) -> Array:

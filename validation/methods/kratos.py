@@ -189,26 +189,21 @@ class KratosMethod:
         default=frozenset(
             {
                 *("analysis", "moduli by point", "body forces", "prescribed displacements", "plane stress"),
-                *("any outline", "points anywhere"),
+                *("any outline", "points anywhere", "quadrature at points"),
             }
         )
     )
 
     def analyse(self, case: Case) -> Answer:
-        """By three solves: the first one tells how small the loads must be for `SMALL` strains; see `Method`."""
-        largest = float(np.abs(Kratos(case, "sparse_lu").solve()).max())
+        """By three solves: the first one tells how small the loads must be for `SMALL` strains; see `Analyses`."""
+        given = float(np.abs(case.held.value).max(initial=0.0))  # must be small at once; loads act from rest, any size
+        first = SMALL * min(case.grid.h) / given if given > 0 else 1.0
+        largest = float(np.abs(Kratos(case, "sparse_lu", first).solve()).max()) / first
         if not 0 < largest < np.inf:
             raise ValueError(f"Kratos: the largest displacement is {largest}: check the case's loads")
         scale = SMALL * min(case.grid.h) / largest
-        u, stress = (
-            (there + back) / 2 for there, back in zip(*(_scaled(case, s) for s in (scale, -scale)), strict=True)
-        )
-        force = case.point_forces + (0 if case.body_force is None else case.points.volume[:, None] * case.body_force)
-        return Answer(u, stress, float(np.sum(force * u)))
-
-    def gradient(self, case: Case) -> Array:
-        """Kratos has none; see `Method`."""
-        raise NotImplementedError("Kratos gives no gradient: ask for the capability first")
+        u, stress = ((there + back) / 2 for there, back in zip(*(_scaled(case, s) for s in (scale, -scale)), strict=True))
+        return Answer(u, stress, float(np.sum(case.carried * u)))
 
 
 def _scaled(case: Case, scale: float) -> tuple[Array, Array]:

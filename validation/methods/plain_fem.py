@@ -145,7 +145,7 @@ class PlainFem:
     )
 
     def analyse(self, case: Case) -> Answer:
-        """See `Method`."""
+        """See `Analyses`."""
         basis, f, u, element = self._solved(case)
         centre = Basis(basis.mesh, basis.elem, quadrature=(np.full((2, 1), 0.5), np.ones(1)))
         at = centre.interpolate(u)
@@ -153,7 +153,7 @@ class PlainFem:
         return Answer(np.asarray(at)[:, element, 0].T, stress[[0, 1, 0], [0, 1, 1]].T, float(f @ u))
 
     def gradient(self, case: Case) -> Array:
-        """Minus the elements' strain energies at unit modulus, twice; see `Method`."""
+        """Minus the elements' strain energies at unit modulus, twice; see `Analyses`."""
         basis, _, u, element = self._solved(case)
         work: Array = energy.elemental(basis, u=basis.interpolate(u), nu=case.body.material.poisson)
         return -work[element]

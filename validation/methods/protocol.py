@@ -23,6 +23,9 @@ from mpmtop.region import Rectangle, Region
 Capability = Literal[
     "analysis",  # `analyse`: displacement and stress at the points of a case
     "gradient",  # `gradient`: of its compliance by the points' moduli
+    "shape functions",  # `shape`: nodes, values and gradients at positions
+    "load steps",  # `steps`: positions and stress after each step of large deformation
+    "quadrature at points",  # the points' stresses, by their volumes, make the internal force
     "moduli by point",
     "body forces",
     "loads at positions",
@@ -31,7 +34,8 @@ Capability = Literal[
     "any outline",  # of the body, and not only a rectangle
     "points anywhere",  # of any size, and not only a lattice that fills the body
 ]
-NOT_SUPPORTED, NOT_STATED = "not supported", "not stated"
+NOT_SUPPORTED: Literal["not supported"] = "not supported"
+NOT_STATED: Literal["not stated"] = "not stated"
 ON_LATTICE = 1e-9
 """Part of its spacing by which a point may miss its place on a lattice: rounding."""
 
@@ -48,7 +52,8 @@ class Held(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """A body with `points` on a `grid`, Young's moduli (p,) by point, under its loads and `body_force` (p, 2).
+    """A body with `points` on a `grid`, Young's moduli (p,) by point, under its loads, `forces` (p, 2) that points carry
+    beside them, and `body_force` (p, 2).
 
     A body force is per volume: a point carries V_p b_p. `prescribed` gives the displacements (n, 2) at which supports
     hold nodes at positions (n, 2), zero unless given.
@@ -59,20 +64,34 @@ class Case:
     points: MaterialPoints
     grid: Grid
     moduli: Array
+    forces: Array | None = None
     body_force: Array | None = None
     prescribed: Callable[[Array], Array] | None = None
 
     @cached_property
     def acts(self) -> Action:
-        """Forces of the body's loads, on points and at positions."""
-        return action(self.body.loads, self.points.x, self.points.volume, 1e-9 * min(self.grid.h))
+        """Forces of the body's loads, on points and at positions, and those that points carry beside them."""
+        acts = action(self.body.loads, self.points.x, self.points.volume, 1e-9 * min(self.grid.h))
+        if self.forces is None:
+            return acts
+        loaded = np.flatnonzero(np.any(self.forces != 0, axis=1))
+        points, carried = np.append(acts.points, loaded), np.concatenate([acts.carried, self.forces[loaded]])
+        return acts._replace(points=points, carried=carried)
 
     @cached_property
     def point_forces(self) -> Array:
-        """Forces (p, 2) of the body's loads that points carry; the body force is not among them."""
+        """Forces (p, 2) that points carry; the body force is not among them."""
         forces = np.zeros_like(self.points.x)
         np.add.at(forces, self.acts.points, self.acts.carried)
         return forces
+
+    @cached_property
+    def carried(self) -> Array:
+        """All that points carry (p, 2), body force included: the nodal forces are sum_p N_ip carried_p, and what acts at
+        positions."""
+        if self.body_force is None:
+            return self.point_forces
+        return self.point_forces + self.points.volume[:, None] * self.body_force
 
     @cached_property
     def held(self) -> Held:
@@ -135,8 +154,24 @@ class Answer:
     compliance: float | None = None
 
 
+class Shape(NamedTuple):
+    """Functions at k positions: lattice indices (k, n, 2) of n nodes each, values N (k, n) and gradients (k, n, 2)
+    [1/length]; a node with zeros only is none."""
+
+    node: Index
+    N: Array
+    grad_N: Array
+
+
+class Step(NamedTuple):
+    """After a load step: positions x (p, 2) and Cauchy stress (p, 3) in the order xx, yy, xy."""
+
+    x: Array
+    stress: Array
+
+
 class Method(Protocol):
-    """A method, by name and version; it is asked for what is in its `capabilities` only."""
+    """A method, by name and version; it is asked for what is in its `capabilities` only, and has these methods."""
 
     @property
     def name(self) -> str: ...
@@ -147,12 +182,36 @@ class Method(Protocol):
     @property
     def capabilities(self) -> frozenset[Capability]: ...
 
+
+class Analyses(Method, Protocol):
+    """Capable of "analysis"."""
+
     def analyse(self, case: Case) -> Answer:
         """Static equilibrium of small strains, one answer for each point in the case's order."""
         ...
 
+
+class Differentiates(Analyses, Protocol):
+    """Capable of "gradient"."""
+
     def gradient(self, case: Case) -> Array:
         """dC/dE (p,): of the compliance by each point's Young's modulus, supports holding at zero."""
+        ...
+
+
+class HasShape(Method, Protocol):
+    """Capable of "shape functions"."""
+
+    def shape(self, x: Array, half_length: Array, grid: Grid) -> Shape:
+        """Functions of the grid's nodes at positions x (k, 2) with domains of half_length (k, 2)."""
+        ...
+
+
+class Steps(Method, Protocol):
+    """Capable of "load steps"."""
+
+    def steps(self, case: Case, count: int) -> list[Step]:
+        """The case's loads in `count` equal steps of large deformation, carried by the points, of fixed direction."""
         ...
 
 
@@ -162,7 +221,7 @@ def lacking(method: Method, case: Case, also: frozenset[Capability] = frozenset(
     return f"{NOT_SUPPORTED}: {', '.join(lacks)}" if lacks else ""
 
 
-def compliance(method: Method, case: Case) -> float | str:
+def compliance(method: Analyses, case: Case) -> float | str:
     """By the method, or the word for why it gives none."""
     return lacking(method, case) or stated(method.analyse(case).compliance)
 

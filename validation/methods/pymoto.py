@@ -105,7 +105,7 @@ class PyMotoMethod:
     )
 
     def analyse(self, case: Case) -> Answer:
-        """See `Method`."""
+        """See `Analyses`."""
         material = case.body.material
         domain, element, _, u, work = _network(case)
         stress = pymoto.Stress(domain, 1.0, material.poisson, material.plane)(u).state[:, element] * case.moduli
@@ -113,7 +113,7 @@ class PyMotoMethod:
         return Answer(at, stress.T, float(work.state))
 
     def gradient(self, case: Case) -> Array:
-        """By pyMOTO's own chain of sensitivities; see `Method`."""
+        """By pyMOTO's own chain of sensitivities; see `Analyses`."""
         _, element, moduli, _, _ = _network(case, differentiated=True)
         by_element: Array = np.asarray(moduli.sensitivity)[element]
         return by_element
@@ -130,9 +130,8 @@ def _network(case: Case, *, differentiated: bool = False) -> tuple[Any, Index, A
     held = np.zeros(nodes.shape, bool)
     for support in case.body.supports:
         held |= np.outer(support.region.contains(nodes, 1e-9 * float(size.min())), support.fixed)
-    force = case.point_forces + (0 if case.body_force is None else case.points.volume[:, None] * case.body_force)
     f = np.zeros(nodes.shape)
-    np.add.at(f, domain.conn[element], force[:, None] / 4)  # of bilinear functions at the centre
+    np.add.at(f, domain.conn[element], case.carried[:, None] / 4)  # of bilinear functions at the centre
     by_element = np.empty(len(element))
     by_element[element] = case.moduli
     moduli = pymoto.Signal("moduli", by_element)
