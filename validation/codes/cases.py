@@ -63,11 +63,11 @@ def case(
 
 
 def uneven(cells: tuple[int, int]) -> MaterialPoints:
-    """Points of a box, each moved at random by up to 0.2 cells, but those beside its edges: no domain leaves the box."""
+    """Points of a box, each moved at random by up to 0.3 cells, but those beside its edges: no domain leaves the box."""
     domain = box(cells)
     points = seed(domain, (0.5, 0.5))
     inner = domain.contains(points.x, -0.5)
-    return points.moved(np.random.default_rng(20).uniform(-0.2, 0.2, points.x.shape) * inner[:, None])
+    return points.moved(np.random.default_rng(20).uniform(-0.3, 0.3, points.x.shape) * inner[:, None])
 
 
 def on_lines(cells: tuple[int, int]) -> MaterialPoints:

@@ -1,0 +1,94 @@
+"""A code of one's own by its adapter: a class that says what it is capable of, and has these methods.
+
+`--code my_adapter.py:MyCode` names a class in a file, or `module:MyCode`. It is made without arguments and has
+`capabilities`, a set of words of `Capability`; `name`, `version` and `accuracy`, the relative error that its numerics
+leave in an answer, are its own to give. For each way that it is capable of it has the method: `analyse(case)` gives
+(u, stress) or (u, stress, compliance), u (p, 2) and stress (p, 3) by point, None for what it does not state;
+`gradient(case)` (p,); `shape(x, half_length, grid)` (node, N, grad_N).
+"""
+
+import importlib
+import importlib.util
+import sys
+from pathlib import Path
+from typing import Any, get_args
+
+from mpmtop.arrays import Array
+from mpmtop.grid import Grid
+from validation.codes.answers import Misanswered
+from validation.methods.protocol import Answer, Capability, Case, Shape
+
+WAYS = {"analysis": "analyse", "gradient": "gradient", "shape functions": "shape", "load steps": "steps"}
+"""The method of each way in."""
+
+
+class NoAdapter(ValueError):
+    """What `--code` names is no adapter; the message says what to change."""
+
+
+class Adapter:
+    """A class of someone else's behind the protocol of methods."""
+
+    def __init__(self, code: Any) -> None:
+        self.code = code
+        self.name = str(getattr(code, "name", type(code).__name__))
+        self.version = str(getattr(code, "version", ""))
+        self.accuracy = float(getattr(code, "accuracy", 0.0))
+        self.capabilities: frozenset[Capability] = _capabilities(code)
+
+    def analyse(self, case: Case) -> Answer:
+        """As the code answers, in the protocol's form."""
+        answer = self.code.analyse(case)
+        if isinstance(answer, Answer):
+            return answer
+        if not isinstance(answer, tuple) or len(answer) not in (2, 3):
+            raise Misanswered(f"`analyse` gave {type(answer).__name__}: give (u, stress) or (u, stress, compliance)")
+        return Answer(*answer)
+
+    def gradient(self, case: Case) -> Array:
+        """As the code gives it."""
+        slope: Array = self.code.gradient(case)
+        return slope
+
+    def shape(self, x: Array, half_length: Array, grid: Grid) -> Shape:
+        """As the code gives them."""
+        return Shape(*self.code.shape(x, half_length, grid))
+
+
+def _capabilities(code: Any) -> frozenset[Capability]:
+    known = get_args(Capability)
+    stated = getattr(code, "capabilities", None)
+    if stated is None or isinstance(stated, str):
+        raise NoAdapter(f"{type(code).__name__} has no set of `capabilities`: give it one of words out of {known}")
+    if unknown := sorted(set(stated) - set(known)):
+        raise NoAdapter(f"{type(code).__name__}: {unknown} are no capabilities; there are {known}")
+    for way, method in WAYS.items():
+        if way in stated and not callable(getattr(code, method, None)):
+            raise NoAdapter(f"{type(code).__name__} states {way!r} and has no method `{method}`: write it, or do not")
+    return frozenset(stated)
+
+
+def load(named: str) -> Adapter:
+    """The adapter named FILE.py:CLASS or module:CLASS. NoAdapter if there is none."""
+    place, _, name = named.rpartition(":")
+    if not place or not name.isidentifier():
+        raise NoAdapter(f"--code {named}: name a class, as in my_adapter.py:MyCode")
+    if place.endswith(".py"):
+        path = Path(place).resolve()
+        spec = importlib.util.spec_from_file_location(path.stem, path)
+        if not path.is_file() or spec is None or spec.loader is None:
+            raise NoAdapter(f"--code {named}: there is no file {path}")
+        module = importlib.util.module_from_spec(spec)
+        sys.path.insert(0, str(path.parent))  # so that the adapter finds the code beside it
+        try:
+            spec.loader.exec_module(module)
+        finally:
+            sys.path.remove(str(path.parent))
+    else:
+        try:
+            module = importlib.import_module(place)
+        except ModuleNotFoundError as error:
+            raise NoAdapter(f"--code {named}: {error}") from error
+    if not hasattr(module, name):
+        raise NoAdapter(f"--code {named}: {place} has no {name}")
+    return Adapter(getattr(module, name)())
