@@ -92,7 +92,8 @@ ROOMS: dict[str, set[str]] = {
     "oracles": set(),
     "bodies": {"measures", "harness"},
     "methods": {"measures", "bodies"},
-    "studies": {"harness", "paper", "measures", "oracles", "bodies", "methods"},
+    "codes": {"methods", "bodies"},
+    "studies": {"harness", "paper", "measures", "oracles", "bodies", "methods", "codes"},
     "conftest": {"harness"},
     "__main__": {"harness", "contents"},
 }

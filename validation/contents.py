@@ -11,7 +11,7 @@ CONTENTS = Contents(
     details="authors, journal, year and DOI: not in our copy of it",
     cite="The mpmtop developers: mpmtop, with the commit at the foot of this page (CITATION.cff)",
     groups={
-        "Verification": ("verification", "sensitivity", "shape_functions", "locking", "errata"),
+        "Verification": ("verification", "sensitivity", "shape_functions", "locking", "errata", "codes"),
         "The paper": (
             *("removal", "cantilever", "l_bracket", "crossing_cantilever", "crossing_l_bracket", "hole"),
             *("multi_resolution", "choices"),

@@ -31,7 +31,7 @@ def failing(card: Card) -> list[str]:
 
 
 def test_an_independent_gimp_passes_with_our_digits() -> None:
-    """Everything that it is asked: all but loads at positions, which it states that it has not. Its answers are ours."""
+    """All but loads at positions, which it states that it has not. Its answers are ours."""
     card = scorecard(SOUND, EVERY)
     assert failing(card) == [] and card.kinds == []
     lacks = [row.check.name for row in card.of("not supported")]
@@ -119,7 +119,7 @@ def test_a_name_is_of_one_case() -> None:
 
 
 def test_cases_are_as_they_say() -> None:
-    """Domains of uneven points stay in the box and some cross lines; both columns weigh one; on lines there are some."""
+    """Domains of uneven points stay in the box and some cross lines; both columns weigh one; some lie on lines."""
 
     def outline(points: MaterialPoints) -> list[float]:
         return [*(points.x - points.half_length).min(axis=0), *(points.x + points.half_length).max(axis=0)]

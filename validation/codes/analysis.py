@@ -1,7 +1,7 @@
 """Checks of an analysis: identities that any consistent code meets to rounding, orders, and what crossing does."""
 
 from collections.abc import Callable
-from functools import cache, partial
+from functools import cache
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from validation.bodies import beam as timoshenko
 from validation.bodies.crossing import Bump, Crossing, Jitter, Periodic, Uniform, Wave
 from validation.codes import cases
 from validation.codes.answers import asked, fine_work, off, order, ratio_norm, stress_of, work
-from validation.codes.card import Check, Observed
+from validation.codes.card import Observed
 from validation.codes.cases import HOME, Map
 from validation.codes.shape import REVERSED
 from validation.methods.protocol import Analyses, Capability, Case
@@ -42,9 +42,7 @@ def rigid(code: Code, name: str, points: MaterialPoints | None) -> Observed:
     """Largest stress, by E and the rotation, or departure from the motion, by its size."""
     case = cases.rigid_motion(name, points)
     answer = asked(code, case)
-    error = np.maximum(
-        np.abs(stress_of(answer)).max(axis=1) / 0.1, off(answer.u, cases.rigid(case.points.x))
-    )
+    error = np.maximum(np.abs(stress_of(answer)).max(axis=1) / 0.1, off(answer.u, cases.rigid(case.points.x)))
     return Observed(float(error.max()), _at(case, error))
 
 
@@ -132,7 +130,12 @@ def mapped(code: Code, name: str, change: Map, back: Callable[[Array], Array] | 
     return _differ(code, here, change(here, name), lambda u: vector(u) / force, stress)
 
 
-ORIGINS = {"elevated": (0.0, 50.0), "to the right": (50.0, 0.0), "negative": (-37.0, -11.0), "irrational": (np.pi, -np.e)}
+ORIGINS = {
+    "elevated": (0.0, 50.0),
+    "to the right": (50.0, 0.0),
+    "negative": (-37.0, -11.0),
+    "irrational": (np.pi, -np.e),
+}
 
 
 def elsewhere(code: Code, name: str) -> Observed:
@@ -203,7 +206,9 @@ def compliance_stated(code: Code) -> Observed:
 def weighed(code: Code, unequal: bool) -> Observed:
     """Mean error of the stress in a column under its weight, by that at its base."""
     cells = 16
-    case = cases.column(f"column under its weight{', points of unequal size' if unequal else ''}", cells, unequal=unequal)
+    case = cases.column(
+        f"column under its weight{', points of unequal size' if unequal else ''}", cells, unequal=unequal
+    )
     found = stress_of(asked(code, case))[:, 1]
     y, volume = case.points.x[:, 1] - HOME, case.points.volume
 
@@ -218,8 +223,8 @@ def weighed(code: Code, unequal: bool) -> Observed:
 
 
 WEIGHT = 1.05 / 64
-"""Mean error of a stress that is constant in each of 16 cells, h / 4, and linear in truth; five per cent for rounding of
-what is a half of a half."""
+"""Mean error of a stress that is constant in each of 16 cells, h / 4, and linear in truth; five per cent for rounding
+where it is a half of a half."""
 BY_COUNT = "weight shared by count, not by volume"
 
 

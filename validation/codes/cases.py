@@ -63,7 +63,7 @@ def case(
 
 
 def uneven(cells: tuple[int, int]) -> MaterialPoints:
-    """Points of a box, each moved at random by up to 0.3 cells, but those beside its edges: no domain leaves the box."""
+    """Points of a box, moved at random by up to 0.3 cells but for those beside its edges: no domain leaves the box."""
     domain = box(cells)
     points = seed(domain, (0.5, 0.5))
     inner = domain.contains(points.x, -0.5)
@@ -124,7 +124,7 @@ def levers(case: Case) -> tuple[Array, Array]:
 
 
 def layered(name: str) -> Case:
-    """Two layers, one twice as stiff, without Poisson's ratio, stretched by one per cent; layers meet on a grid line."""
+    """Two layers, one twice as stiff, without Poisson ratio, stretched by 1 %; layers meet on a grid line."""
     lower, upper = box((6, 4)).bounds
     ends = (clamped(), Support(HalfPlane((float(upper[0]), 0.0), (-1.0, 0.0))))
     made = case(name, (6, 4), ends, material=ROD, prescribed=lambda x: (x - lower) * [0.01, 0.0])
@@ -244,12 +244,9 @@ class Map:
             raise ValueError(f"{made.name}: prescribed displacements and loads of the body are not mapped")
         body, points, grid = made.body, made.points, made.grid
         ends = np.array([grid.origin, np.add(grid.origin, np.multiply(grid.cells, grid.h))])
-        low, high = np.sort(self.place(ends), axis=0)
+        low = np.sort(self.place(ends), axis=0)[0]
         h, cells = np.abs(self.length * self.vector(np.array(grid.h))), np.abs(self.vector(np.array(grid.cells)))
-        acting = [
-            None if acts is None else factor * self.vector(acts)
-            for acts, factor in ((made.forces, self.force), (made.body_force, self.force / self.length**2))
-        ]
+        density = self.force / self.length**2
         return Case(
             name,
             Body(
@@ -265,7 +262,8 @@ class Map:
             ),
             Grid(tuple(low.tolist()), tuple(h.tolist()), tuple(np.rint(cells).astype(int).tolist())),
             self.modulus * made.moduli,
-            *acting,
+            None if made.forces is None else self.force * self.vector(made.forces),
+            None if made.body_force is None else density * self.vector(made.body_force),
         )
 
     def rectangle(self, region: Region) -> Rectangle:

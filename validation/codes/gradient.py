@@ -51,7 +51,9 @@ def taylor(code: Differentiates) -> Observed:
     for s in (1e-2, 5e-3):
         stepped = replace(case, name=f"{case.name}, stepped by {s:g}", moduli=case.moduli + s * d)
         remainders.append(abs(_compliance(code, stepped) - C - s * float(slope @ d)))
-    return Observed(float(np.log2(remainders[0] / remainders[1])), f"remainders {remainders[0]:.2e} and {remainders[1]:.2e}")
+    return Observed(
+        float(np.log2(remainders[0] / remainders[1])), f"remainders {remainders[0]:.2e} and {remainders[1]:.2e}"
+    )
 
 
 def single(code: Differentiates) -> Observed:
@@ -92,7 +94,7 @@ def checks() -> list[Check]:
             "single points",
             observe=single,
             at_most=1e-4,
-            why="central differences over 0.1 % of a modulus: 1e-6 of the derivative, and rounding of C, 1e-13, over 1e-3 "
+            why="central differences over 0.1 % of a modulus: 1e-6 of the derivative; rounding of C, 1e-13, over 1e-3 "
             "of a few thousandths of it",
             look="the point's own strain energy: its volume, its order",
         ),

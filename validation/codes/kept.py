@@ -96,7 +96,7 @@ def matrix(cards: Iterable[Kept]) -> dict[str, dict[str, str]]:
 
 
 def cell(row: KeptRow) -> str:
-    """A row in a word and a number. Of what passes to rounding the number is none: it differs from machine to machine."""
+    """A row in a word and a number. What passes to rounding has none: that differs from machine to machine."""
     if row.observed is None:
         return row.verdict
     if row.verdict == "passes" and row.expected.startswith("<=") and abs(row.observed) < 1e-8:

@@ -1,30 +1,28 @@
-"""Checks of a shape function in the plane: nodes, N and grad N at positions with rectangular domains.
+"""What is observed of shape functions in the plane: nodes, N and grad N at positions with rectangular domains.
 
 All are of points inside a body that holds the whole grid, so that no function has reached an end of it.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 
 from mpmtop.arrays import Array, Mask
 from mpmtop.grid import Grid
 from validation.codes.answers import Misanswered
-from validation.codes.card import Check, Observed
-from validation.methods.protocol import Capability, HasShape, Shape
+from validation.codes.card import Observed
+from validation.methods.protocol import HasShape, Shape
 
 CELLS, AWAY = 10, 3
 """Cells of the grid each way, and how many of them lie between its edge and the points: no known function reaches
 further than two."""
 ROUNDING = 1e-12
-"""Sums of a few products near one, and nodes of which positions are a few units off: 1e-16 with four digits to spare."""
+"""Sums of a few products near one, of nodes whose positions are a few units off: 1e-16 with four digits to spare."""
 STEP = 1e-5
 """Of a difference quotient, in cells: 1e-11 by a cubic's third derivative, 1e-11 by rounding."""
 KINK = 1e-3
-"""Distance [cells] kept from the places where functions in use have kinks: lines, half lines, domains' edges on them."""
-SHAPE: frozenset[Capability] = frozenset({"shape functions"})
+"""Distance [cells] kept from places where functions in use have kinks: lines, half lines, domains' edges on them."""
 REVERSED = "half-open convention reversed on one side"
 
 
@@ -298,103 +296,3 @@ def jump(code: HasShape, what: slice) -> Observed:
     """Largest change over a move of 2e-9 cells across a grid line."""
     moves = [np.abs(dense(asked(code, _on_lines(a, 1e-9))) - dense(asked(code, _on_lines(a, -1e-9)))) for a in (0, 1)]
     return Observed(max(float(move[..., what].max()) for move in moves))
-
-
-def checks() -> list[Check]:
-    """All checks of shape functions, in the order in which a failure is best looked at."""
-    check = partial(Check, "shape function", needs=SHAPE)
-    sums = "sums of a few products near one, rounded"
-    return [
-        check("unity", observe=unity, at_most=ROUNDING, why=sums, look="a branch of N, or a node that is left out"),
-        check(
-            "reach across cells",
-            observe=reach,
-            at_most=2 * ROUNDING,
-            why=f"{sums}; two of them",
-            look="the stencil: a domain that crosses a grid line has nodes of both cells; are those beyond the point's "
-            "own cell cut off, or is half_length taken for the whole length?",
-        ),
-        check(
-            "sum of gradients",
-            observe=gradient_sum,
-            at_most=10 * ROUNDING,
-            why=f"{sums}, gradients up to ten per cell",
-            look="the sign of one branch of the gradient, or a node that is left out",
-        ),
-        check(
-            "linear fields",
-            observe=partial(completeness, h=(1.0, 1.0)),
-            at_most=10 * ROUNDING,
-            why=f"{sums}, times node positions up to ten",
-            look="gradients, if values are right: their size; the node that a weight is given to",
-        ),
-        check(
-            "linear fields on oblong cells",
-            observe=partial(completeness, h=(0.25, 2.0)),
-            at_most=100 * ROUNDING,
-            why=f"{sums}, times node positions up to ten and gradients up to four",
-            look="gradients per cell in place of per length, or one cell size for both axes",
-        ),
-        check(
-            "gradient is the derivative of N",
-            observe=derivative,
-            at_most=1e-8,
-            why="a difference quotient of step 1e-5 cells is right to 1e-11 for cubics, and rounded to 1e-11",
-            look="the branch that `where` names; functions whose gradients are not meant as derivatives (diffuse MLS) "
-            "fail by construction",
-        ),
-        *(
-            check(
-                f"origin {name}",
-                observe=partial(origin, name=name),
-                at_most=1e-8 if "1e6" in name else 1e-11,
-                why="eps |x| / h, 2e-10 a million cells away, times second derivatives up to ten, and room",
-                look="where a position is turned into a cell: (x - origin) / h, along both axes",
-            )
-            for name in ORIGINS
-        ),
-        check(
-            "points on and beside grid lines",
-            observe=near_lines,
-            at_most=10 * ROUNDING,
-            why=sums,
-            look="floor of a position on a line, or 1e-12 before it: cell and local coordinate must go together",
-        ),
-        check(
-            "grid lines belong to one side",
-            observe=convention,
-            at_most=0.0,
-            why="a cell is half-open: either side will do, the same along both axes",
-            look="floor along one axis and ceil - 1, or round, along the other; an inequality that holds equality twice",
-        ),
-        *(
-            check(
-                name,
-                observe=partial(symmetry, turn=turn),
-                at_most=10 * ROUNDING,
-                why=f"{sums}: no point lies on a line",
-                look="a branch that treats left and right, or the axes, in two ways",
-            )
-            for name, turn in (("mirror image", mirrored), ("quarter turn", turned))
-        ),
-        check(
-            "one by one as all together",
-            observe=one_by_one,
-            at_most=ROUNDING,
-            why="the same operations on the same numbers, but for the order of sums",
-            look="state kept from point to point, or one point's size taken for all",
-        ),
-        check(
-            "jump of N at a grid line",
-            observe=partial(jump, what=slice(0, 1)),
-            at_most=1e-7,
-            why="a move of 2e-9 cells, times gradients up to ten",
-            look="two branches that do not meet",
-        ),
-        check(
-            "jump of grad N at a grid line",
-            observe=partial(jump, what=slice(1, 3)),
-            why="the tent's jumps by one per cell: the crossing error",
-            look="",
-        ),
-    ]

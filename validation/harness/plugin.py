@@ -31,7 +31,7 @@ import pytest
 from xdist.scheduler import LoadScopeScheduling
 
 from validation.contents import CONTENTS
-from validation.harness import lock, progress
+from validation.harness import asked, lock, progress
 from validation.harness.claims import Tally
 from validation.harness.heading import Heading, heading_of
 from validation.harness.origin import provenance_of
@@ -84,13 +84,19 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--reports", metavar="DIR", help="folder the validation report is written to (default: reports)")
     parser.addoption("--benchmark", action="store_true", help="run the tests marked `benchmark`, too: minutes each")
     parser.addoption("--quick", action="store_true", help="skip the tests marked `slow`")
+    parser.addoption(
+        asked.OPTION,
+        action="append",
+        metavar="CODE",
+        help="put a code through all checks, and run nothing else: FILE.py:CLASS; may be given again",
+    )
 
 
 def pytest_configure(config: pytest.Config) -> None:
     mpl.use("Agg")
     mpl.style.use(STYLE)
     config.stash[RUN] = Run()
-    for fixtures in (lock, progress):
+    for fixtures in (asked, lock, progress):
         config.pluginmanager.register(fixtures, fixtures.__name__)
 
 

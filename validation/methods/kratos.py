@@ -202,7 +202,9 @@ class KratosMethod:
         if not 0 < largest < np.inf:
             raise ValueError(f"Kratos: the largest displacement is {largest}: check the case's loads")
         scale = SMALL * min(case.grid.h) / largest
-        u, stress = ((there + back) / 2 for there, back in zip(*(_scaled(case, s) for s in (scale, -scale)), strict=True))
+        u, stress = (
+            (there + back) / 2 for there, back in zip(*(_scaled(case, s) for s in (scale, -scale)), strict=True)
+        )
         return Answer(u, stress, float(np.sum(case.carried * u)))
 
 

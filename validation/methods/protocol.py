@@ -52,8 +52,8 @@ class Held(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """A body with `points` on a `grid`, Young's moduli (p,) by point, under its loads, `forces` (p, 2) that points carry
-    beside them, and `body_force` (p, 2).
+    """A body with `points` on a `grid`, Young's moduli (p,) by point, under its loads, `forces` (p, 2) that points
+    carry beside them, and `body_force` (p, 2).
 
     A body force is per volume: a point carries V_p b_p. `prescribed` gives the displacements (n, 2) at which supports
     hold nodes at positions (n, 2), zero unless given.
@@ -87,7 +87,7 @@ class Case:
 
     @cached_property
     def carried(self) -> Array:
-        """All that points carry (p, 2), body force included: the nodal forces are sum_p N_ip carried_p, and what acts at
+        """All that points carry (p, 2), body force included: nodal forces are sum_p N_ip carried_p, and what acts at
         positions."""
         if self.body_force is None:
             return self.point_forces

@@ -1,0 +1,96 @@
+"""Codes: one scorecard for each
+
+Every code is asked the same checks: of its shape functions, of an analysis, of a gradient, as far as it is capable of
+them. Bounds are set by what must hold, with the reason beside each, and were set before any code was run. Another
+person's code is put through by `pytest validation --code FILE.py:CLASS`; what it answered is kept here with date,
+version and machine. What fails there is a result: it fails no run.
+"""
+
+import pandas as pd
+import pytest
+
+from validation.codes.adapter import load
+from validation.codes.card import Card, Check, scorecard
+from validation.codes.checks import every
+from validation.codes.kept import Kept, cell, kept, matrix, read, write
+from validation.harness.asked import Asked
+from validation.harness.report import Report
+from validation.methods.analyser import SHAPE_FUNCTIONS
+from validation.methods.elements import ElementMethod
+from validation.methods.plain_fem import PlainFem
+from validation.methods.points import PointMethod
+from validation.methods.protocol import Method
+
+ASKED = "Which codes do what any code must, and where does one that does not go wrong?"
+
+
+def ours() -> list[Method]:
+    """The codes of this repository."""
+    return [*(PointMethod(name, function) for name, function in SHAPE_FUNCTIONS.items()), ElementMethod(), PlainFem()]
+
+
+def grounds(checks: list[Check]) -> pd.DataFrame:
+    """Why each check must hold, and where to look if it does not."""
+    rows = {
+        f"{c.way}: {c.name}": {"expected": c.expected, "why": c.why, "if it fails, look at": c.look} for c in checks
+    }
+    return pd.DataFrame.from_dict(rows, orient="index").rename_axis("check")
+
+
+def shown(cards: list[Kept]) -> pd.DataFrame:
+    """Checks by code."""
+    return pd.DataFrame.from_dict(matrix(cards), orient="index").rename_axis("check")
+
+
+def test_our_codes(report: Report) -> None:
+    """The codes of this repository
+
+    Material points with each shape function, the finite element reference, and a plain scikit-fem analysis.
+    """
+    checks = every()
+    cards: list[Card] = [scorecard(code, checks) for code in ours()]
+    report.table("checks", grounds(checks), "What is asked, why it must hold, and what usually causes a failure.")
+    report.table(
+        "ours", shown([kept(card, "", "") for card in cards]), "Verdicts; numbers where they tell more than that."
+    )
+    held = [
+        report.check(
+            f"checks that {card.code} fails",
+            len(card.of("fails")),
+            0,
+            source="what any code must do",
+            reason="; ".join(f"{row.check.name} ({row.where})" for row in card.of("fails")),
+        )
+        for card in cards
+    ]
+    sound = [card for card in cards if not card.of("fails")]
+    whole = [card.code for card in cards if not card.of("not supported")]
+    passes = [len(card.of("passes")) for card in cards]
+    report.found(
+        f"{len(sound)} of {len(cards)} codes pass all that they are asked, {min(passes)} to {max(passes)} checks each; "
+        f"{', '.join(whole)} are capable of all of them."
+    )
+    assert all(held)
+
+
+def test_other_codes(report: Report, asked: Asked) -> None:
+    """Other people's codes
+
+    One scorecard for each, of the run that is named there.
+    """
+    for named in asked.codes:
+        write(asked.folder, kept(scorecard(load(named), every()), asked.when, asked.machine))
+    cards = read(asked.folder)
+    if not cards:
+        pytest.skip("no other code has been put through: --code FILE.py:CLASS")
+    for k, card in enumerate(cards):
+        report.text(f"**{card.code}**, {card.version}, on {card.when} ({card.machine}): {card.verdict}.")
+        rows = [
+            {"check": f"{row.way}: {row.check}", "expected": row.expected, "observed": cell(row), "where": row.where}
+            | {"if it fails, look at": row.look if row.verdict == "fails" else ""}
+            for row in sorted(card.rows, key=lambda row: row.verdict != "fails")
+        ]
+        report.table(f"card_{k}", pd.DataFrame(rows), f"{card.code}: what fails comes first.")
+        report.check(f"checks that {card.code} fails", len(card.of("fails")), source="for comparison")
+        report.check(f"checks that {card.code} passes", len(card.of("passes")), source="for comparison")
+    report.table("matrix", shown(cards), "All of them, check by check.")
