@@ -103,7 +103,7 @@ class DesignProblem(DesignVariables):
             )
         if not self.space.all_active:
             self._check_passive()
-        _ = self.models, self.filter.matrix if self.design.symmetry else None  # what cannot be made is said now
+        _ = self.models, self.orbit, [self.model.force_of((each.unit_load,)) for each in self._displacements]
 
     def _check_passive(self) -> None:
         self.check_feasible()
@@ -221,8 +221,9 @@ class DesignProblem(DesignVariables):
 
     @property
     def _displacements(self) -> list[Displacement]:
-        sums = (*self._objectives, *self._constraints)
-        return [each.criterion for each in sums if isinstance(each.criterion, Displacement)]
+        sought = self.objective.criterion if isinstance(self.objective, Worst) else self.objective
+        stated = (sought, *(constraint.criterion for constraint in self.constraints))
+        return [criterion for criterion in stated if isinstance(criterion, Displacement)]
 
     def analyse(self, rho: Array) -> Evaluation:
         """Evaluate physical densities rho (p,) in [0, 1], of whatever origin, at passive points, too."""
