@@ -103,7 +103,7 @@ class DesignProblem(DesignVariables):
             )
         if not self.space.all_active:
             self._check_passive()
-        _ = self.models, self.orbit, [self.model.force_of((each.unit_load,)) for each in self._displacements]
+        _ = self.models, self.orbit, [self.model.forces_of((each.unit_load,)) for each in self._displacements]
 
     def _check_passive(self) -> None:
         self.check_feasible()

@@ -181,7 +181,7 @@ def test_displacement_is_the_work_of_a_unit_load() -> None:
         (Displacement(place, (3, 4)), at_place @ (0.6, 0.8)),
         (ALONG, mean @ (0.6, -0.8)),
     ):
-        found = of.model.force_of((criterion.unit_load,)) @ state.u
+        found = of.model.forces_of((criterion.unit_load,)).fixed @ state.u
         assert found == pytest.approx(expected, rel=1e-13)
     pulled = replace(BODY, loads=(PositionLoad(place, (0.0, -2.0)),))
     design = replace(DESIGN, projection=None)
