@@ -17,7 +17,8 @@ class Fronts(NamedTuple):
 
     Nodes are named by their place in the order, `order` (n,) tells the node there. Front k eliminates
     `first[k]:first[k + 1]` (f + 1,) and couples them with its `boundary[start[k]:start[k + 1]]`, (f + 1,), later ones,
-    sorted; `parent` (f,) is the front that eliminates the first of these, f where there is none.
+    sorted; `parent` (f,) is the front that eliminates the first of these, f where there is none. `level` (f,) counts
+    the cuts above a front: a parent's is less than its children's.
     """
 
     order: Index
@@ -25,6 +26,7 @@ class Fronts(NamedTuple):
     boundary: Index
     start: Index
     parent: Index
+    level: Index
 
 
 def dissect(position: Array, one: Index, other: Index, leaf: int) -> Fronts:
@@ -42,8 +44,9 @@ def dissect(position: Array, one: Index, other: Index, leaf: int) -> Fronts:
     first = np.searchsorted(front, np.arange(front[-1] + 2))
     one, other = np.minimum(rank[one], rank[other]), np.maximum(rank[one], rank[other])
     apart = front[one] != front[other]
-    boundary, start, parent = _boundaries(front, level[order][first[:-1]], one[apart], other[apart])
-    return Fronts(order, first, boundary, start, parent)
+    of_fronts = level[order][first[:-1]]
+    boundary, start, parent = _boundaries(front, of_fronts, one[apart], other[apart])
+    return Fronts(order, first, boundary, start, parent, of_fronts)
 
 
 def _separators(position: Array, one: Index, other: Index, leaf: int) -> tuple[Index, Index]:

@@ -23,8 +23,8 @@ from mpmtop.solvers.multigrid import coarsening, coarsest_of, v_cycle
 from mpmtop.solvers.stencil import Blocks, assembled, places
 from tests.scenes import cantilever
 
-DEEP = partial(MultigridCG, coarsest=200)
-"""Several levels on small bodies: the last one has 10 nodes across."""
+DEEP = partial(MultigridCG, tolerance=1e-6, coarsest=200)
+"""Several levels on small bodies: the last one has 10 nodes across; a tolerance for what is compared to 1e-6."""
 NOTCHED = Difference(Rectangle((0, 0), (40, 20)), Rectangle((16, 8), (40, 20)))
 HOLED = Difference(Rectangle((0, 0), (40, 20)), Circle((21.3, 9.2), 6.3))
 BODIES: dict[str, tuple[dict, dict]] = {
@@ -185,7 +185,7 @@ def test_clapeyron_and_many_right_hand_sides() -> None:
 def test_optimisation() -> None:
     """Twenty iterations by multigrid end where the direct solver's do."""
     ends = []
-    for solver in (DEEP, BandedCholesky):
+    for solver in (partial(MultigridCG, coarsest=200), BandedCholesky):
         problem = design_problem(cantilever(32, 16), 1.0, solver=solver)
         *_, last = optimize(problem, MMA(), max_iterations=20, stop=lambda history: False)
         ends.append(last.objective)
@@ -247,7 +247,7 @@ def test_stress_objective_sees_no_more_than_rounding(monkeypatch: pytest.MonkeyP
 
 @pytest.mark.slow
 def test_sixty_iterations() -> None:
-    """Of 20,000 points: every objective to 1e-6 of the direct solver's, whose own rounding leaves 1e-12 (1e-8 seen)."""
+    """Of 20,000 points: every objective to 1e-6 of the direct solver's, whose own rounding leaves 1e-12 (2e-7 seen)."""
     runs = []
     for solver in (partial(MultigridCG, coarsest=1_000), SparseCholesky):
         problem = design_problem(cantilever(100, 50), 1.0, solver=solver)

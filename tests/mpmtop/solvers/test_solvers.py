@@ -184,7 +184,7 @@ def test_dissection_separates() -> None:
     x = np.stack([i, j], axis=1).astype(float)
     near = np.argwhere(np.max(np.abs(x[:, None] - x), axis=2) == 1)
     one, other = near[near[:, 0] > near[:, 1]].T
-    order, first, boundary, start, parent = dissect(x, one, other, 10)
+    order, first, boundary, start, parent, level = dissect(x, one, other, 10)
     np.testing.assert_array_equal(np.sort(order), np.arange(510))
     rank = np.argsort(order)
     front = np.repeat(np.arange(len(parent)), np.diff(first))
@@ -195,6 +195,7 @@ def test_dissection_separates() -> None:
     inner = np.diff(start) > 0
     np.testing.assert_array_equal(parent[inner], front[boundary[start[:-1][inner]]])
     assert np.all(parent > np.arange(len(parent)))  # children first
+    assert np.all(level[parent[inner]] < level[inner])
     assert np.max(np.diff(first)) <= 17  # the first cut, across the short side
     assert np.max(np.diff(start)) <= 40  # around a quarter of the lattice
 
