@@ -132,8 +132,9 @@ def test_multigrid(report: Report) -> None:
 
     The same optimisation with banded Cholesky and with multigrid, made to go through at least three levels on 20,000
     points (it would not be chosen there), for ten iterations. Compliance is off by the square of the residual's
-    tolerance, and gradients to 1e-5 keep the optimisation; a p-norm is off by the tolerance itself, and its optimisation multiplies any difference
-    by about ten in five iterations, rounding's, too: 1e-8 is chosen for objectives of stress.
+    tolerance, but its gradient by a part of it, and gradients lead to designs: 1e-5 is chosen for it. A p-norm is off
+    by the tolerance itself, and its optimisation multiplies any difference by about ten in five iterations,
+    rounding's, too: 1e-8 is chosen for objectives of stress.
     """
     same = [compared(report, 200, objective, 10, coarsest=1_000) for objective in ("compliance", "p-norm")]
     report.so(
