@@ -219,16 +219,7 @@ def _analysis(pattern: Pattern, node: Index, nodes: Fronts) -> Analysis:
     start = ends[nodes.start]
 
     ns, nb = np.diff(first), np.diff(start)
-    by_size = np.lexsort((nb, ns, -nodes.level))
-    groups = np.split(by_size, np.flatnonzero(np.diff(np.stack([nodes.level, ns, nb])[:, by_size]).any(axis=0)) + 1)
-    # of one group all L11, then all L21
-    sizes = np.array([(len(g) * ns[g[0]] ** 2, len(g) * ns[g[0]] * nb[g[0]]) for g in groups])
-    of_group = np.concatenate([[0], np.cumsum(sizes.ravel())])
-    L11, L21 = np.empty_like(ns), np.empty_like(ns)
-    for k, g in enumerate(groups):
-        L11[g] = of_group[2 * k] + np.arange(len(g)) * ns[g] ** 2
-        L21[g] = of_group[2 * k + 1] + np.arange(len(g)) * ns[g] * nb[g]
-
+    levels, L11, L21, size = _by_size(nodes.level, first, boundary, start)
     key = np.repeat(np.arange(len(ns)), nb) * m + boundary  # sorted: finds an unknown in a front's boundary
     one, other = places[pattern.row], places[pattern.col]
     col, row = np.minimum(one, other), np.maximum(one, other)
@@ -240,19 +231,27 @@ def _analysis(pattern: Pattern, node: Index, nodes: Fronts) -> Analysis:
     place[below] = L21[k] + (col[below] - first[k]) * nb[k] + among
     runs = _runs(boundary, start, first, nodes.parent, key, m)
     ends_of = (part.tolist() for part in (first[:-1], first[1:], nb, L11, L21, nodes.parent))
-    fronts = [Front(*ends, run) for *ends, run in zip(*ends_of, runs, strict=True)]
-    alike = [
-        Alike(
-            first[g, None] + np.arange(ns[g[0]]),
-            boundary[start[g, None] + np.arange(nb[g[0]])],
-            int(L11[g[0]]),
-            int(L21[g[0]]),
-        )
-        for g in groups
-    ]
-    depth = nodes.level[[g[0] for g in groups]]
-    levels = [_level([alike[k] for k in np.flatnonzero(depth == level)]) for level in np.unique(depth)[::-1]]
-    return Analysis(order, fronts, levels, place, int(of_group[-1]))
+    fronts = [Front(*ends, run) for ends, run in zip(zip(*ends_of, strict=True), runs, strict=True)]
+    return Analysis(order, fronts, levels, place, size)
+
+
+def _by_size(level: Index, first: Index, boundary: Index, start: Index) -> tuple[list[Level], Index, Index, int]:
+    """Levels, the deepest first, their fronts by size; where L11 and L21 of each front (f,) begin, and all values."""
+    ns, nb = np.diff(first), np.diff(start)
+    by_size = np.lexsort((nb, ns, -level))
+    groups = np.split(by_size, np.flatnonzero(np.diff(np.stack([level, ns, nb])[:, by_size]).any(axis=0)) + 1)
+    L11, L21 = np.empty_like(ns), np.empty_like(ns)
+    by_level: dict[int, list[Alike]] = {}
+    begin = 0
+    for g in groups:
+        s, b = int(ns[g[0]]), int(nb[g[0]])
+        # of one group all L11, then all L21
+        L11[g] = begin + np.arange(len(g)) * s * s
+        L21[g] = begin + len(g) * s * s + np.arange(len(g)) * s * b
+        pivots, around = first[g, None] + np.arange(s), boundary[start[g, None] + np.arange(b)]
+        by_level.setdefault(int(level[g[0]]), []).append(Alike(pivots, around, begin, begin + len(g) * s * s))
+        begin += len(g) * s * (s + b)
+    return [_level(alike) for alike in by_level.values()], L11, L21, begin
 
 
 def _level(groups: Sequence[Alike]) -> Level:
