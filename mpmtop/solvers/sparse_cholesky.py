@@ -231,7 +231,10 @@ def _analysis(pattern: Pattern, node: Index, nodes: Fronts) -> Analysis:
     place[below] = L21[k] + (col[below] - first[k]) * nb[k] + among
     runs = _runs(boundary, start, first, nodes.parent, key, m)
     ends_of = (part.tolist() for part in (first[:-1], first[1:], nb, L11, L21, nodes.parent))
-    fronts = [Front(*ends, run) for ends, run in zip(zip(*ends_of, strict=True), runs, strict=True)]
+    fronts = [
+        Front(begins, last, b, at, below, parent, run)
+        for begins, last, b, at, below, parent, run in zip(*ends_of, runs, strict=True)
+    ]
     return Analysis(order, fronts, levels, place, size)
 
 
