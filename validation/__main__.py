@@ -28,12 +28,18 @@ def with_findings(readme: str, directory: Path) -> str:
     """The README with the front page's figure and sentences between its two marks, from the stores in a report."""
     studies = read(directory)
     overview = Overview([studies[name] for name in CONTENTS.ordered(studies)], CONTENTS)
-    lines = [f"![Designs side by side, own and true objective over each]({directory.name}/{DESIGNS})"]
+    picture = f"![Designs side by side, own and true objective over each]({directory.name}/{DESIGNS})"
     headline = Tally.of([reading for study in overview.studies for reading in study.readings]).headline()
-    for topic, sentences in overview.answers.items():
-        told = [sentence for sentence, _ in sentences] + [headline] * (topic == "The paper" and bool(headline))
-        lines += [f"- **{topic}.** {' '.join(told)}"] * bool(told)
-    text = f"{lines[0]}\n\n" * bool(overview.bodies) + "".join(f"{line}\n" for line in lines[1:])
+    findings = [
+        f"**{topic}.** {sentence}"
+        for topic, sentences in overview.answers.items()
+        for sentence in [told for told, _ in sentences] + [headline] * (topic == "The paper" and bool(headline))
+        if topic != CONTENTS.advice
+    ]
+    advice = " ".join(sentence for sentence, _ in overview.answers.get(CONTENTS.advice, []))
+    text = f"{picture}\n\n" * bool(overview.bodies)
+    text += "".join(f"{number}. {sentence}\n" for number, sentence in enumerate(findings, 1))
+    text += f"\n**{CONTENTS.advice}.** {advice}\n" * bool(advice)
     before, _, rest = readme.partition(BEGIN)
     if not rest:
         raise ValueError(f"README.md has no line {BEGIN.strip()}: put it where the findings belong")

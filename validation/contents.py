@@ -21,5 +21,6 @@ CONTENTS = Contents(
         "Robustness": ("stability",),
     },
     topics=("Points as seeded", "Points have crossed cells", "What to do", "The paper"),
+    advice="What to do",
     methods=("FEM", "MPM", "GIMP", "MPM, crossed", "GIMP, crossed", "B-spline, crossed"),
 )

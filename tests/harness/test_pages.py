@@ -175,7 +175,8 @@ def test_findings_come_from_the_stores(studied: tuple[Path, str]) -> None:
     text = with_findings(f"before\n{BEGIN}old\n{END}\nafter\n", studied[0] / "reports")
     assert text.startswith(f"before\n{BEGIN}![Designs")
     assert text.endswith(f"{END}\nafter\n")
-    assert "- **With crossing.** With tent the tip jumps by 13.7%. With GIMP the tip jumps by 2.0%.\n" in text
+    assert "1. **With crossing.** With tent the tip jumps by 13.7%.\n2. **With crossing.** With GIMP" in text
+    assert "\n\n**What to do.** Keep points as seeded.\n" in text
     assert "old" not in text
     with pytest.raises(ValueError, match="put it where the findings belong"):
         with_findings("no marks", studied[0] / "reports")

@@ -15,10 +15,13 @@ from typing import Any
 
 import pytest
 
+from validation.__main__ import BEGIN, END
 from validation.contents import CONTENTS
+from validation.harness.overview import DESIGNS
 from validation.harness.pages import republish
 
-REPORTS = Path(__file__).parents[2] / "reports"
+ROOT = Path(__file__).parents[2]
+REPORTS = ROOT / "reports"
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 LAPTOP, SCREEN, PHONE, PAPER = 1300, 1920, 390, 673
 """Widths [CSS px]; PAPER is A4 less the margins that the pages ask for, 178 mm."""
@@ -204,6 +207,13 @@ def test_links_lead_somewhere(report: Path, pages: dict[str, Any]) -> None:
             if not there or (anchor and "=" not in anchor and anchor not in pages[target]["ids"]):
                 dead.append(f"{name}: {link}")
     assert not dead
+
+
+def test_the_readme_has_the_findings_in_five_sentences() -> None:
+    """Their numbers are held to the stores by `test_the_readme_says_what_the_report_found`."""
+    findings = (ROOT / "README.md").read_text("utf-8").partition(BEGIN)[2].partition(END)[0]
+    assert len(re.findall(r"^\d+\. ", findings, re.MULTILINE)) == 5
+    assert f"reports/{DESIGNS})" in findings
 
 
 def test_sizes(report: Path) -> None:

@@ -10,8 +10,8 @@ from validation.harness.store import Study
 class Contents:
     """Title and question of the report, the paper it is about, how to cite, and the studies in groups, in their order.
 
-    `topics` and `methods` are the order in which the front page speaks of things and shows designs. What is in no group
-    comes last, by name.
+    `topics` and `methods` are the order in which the front page speaks of things and shows designs, `advice` the topic
+    of what follows for a reader. What is in no group comes last, by name.
     """
 
     title: str = "Validation report"
@@ -22,6 +22,7 @@ class Contents:
     groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     topics: tuple[str, ...] = ()
     methods: tuple[str, ...] = ()
+    advice: str = ""
 
     def ordered(self, names: Iterable[str]) -> list[str]:
         """The names of studies in the report's order."""

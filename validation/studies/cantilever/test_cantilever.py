@@ -22,6 +22,7 @@ from validation.bodies.sketch import CALIBRATED, CHOSEN, opening
 from validation.harness.lock import Lock
 from validation.harness.report import Report
 from validation.measures.drawing import draw_design, draw_points
+from validation.measures.history import histories
 from validation.methods.analyser import ROUNDING_RISE, Analyser, Optimisation
 from validation.studies.cantilever.tolerances import RTOL_ANALYSIS, RTOL_OPTIMUM
 
@@ -155,16 +156,8 @@ def test_optimisation(report: Report, lock: Lock, optimisations: dict[str, Optim
 
 
 def draw_histories(report: Report, optimisations: dict[str, Optimisation]) -> None:
-    figure, (top, bottom) = plt.subplots(2, 1, figsize=(5.0, 5.0), sharex=True, height_ratios=(2, 1))
-    for name, done in optimisations.items():
-        top.semilogy(done.objective, label=name)
-        bottom.plot(done.volume)
-    top.axhline(paper.CANTILEVER_COMPLIANCE.value, color="0.4", linewidth=1, linestyle="-", label="paper, final")
-    top.set(ylabel="compliance [F²/E0]", yticks=(80, 100, 200, 400), yticklabels=("80", "100", "200", "400"))
-    top.minorticks_off()
-    top.legend()
-    bottom.set(xlabel="iteration", ylabel="volume fraction", ylim=(0.38, 0.42))
-    report.figure("history", figure, "Compliance and volume fraction; standard and GIMP are one line.")
+    figure = histories(optimisations, "compliance [F²/E0]", paper.CANTILEVER_COMPLIANCE.value)
+    report.figure("history", figure, "Compliance, its end enlarged, and volume fraction.")
 
 
 def draw_layouts(report: Report, standard: Optimisation, optimisations: dict[str, Optimisation]) -> None:

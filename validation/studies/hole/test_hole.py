@@ -14,8 +14,10 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 import pytest
+from matplotlib.patches import Circle
 from scipy.spatial import KDTree
 
+from mpmtop import plot
 from mpmtop.arrays import Array, Mask
 from mpmtop.optimizers import optimize
 from mpmtop.points import seed
@@ -30,6 +32,7 @@ from validation.harness.lock import Lock
 from validation.harness.progress import ShowProgress
 from validation.harness.report import Report
 from validation.measures.drawing import draw_design
+from validation.measures.history import histories
 from validation.measures.timing import cpu_seconds, iteration
 from validation.methods.analyser import (
     PAPER_RULE,
@@ -52,6 +55,7 @@ RTOL_OPTIMUM = 2e-3
 FITTED_SIZE = 0.75
 """Element size of the body-fitted mesh [h]."""
 
+FITTED = "FEM, body-fitted"
 CASE_1 = "case 1: no points"
 CASE_2 = "case 2: zero density, filter passes over"
 CASE_2_FILTERED = "case 2: zero density, filter averages"
@@ -68,7 +72,7 @@ def analysers() -> dict[str, Analyser]:
         CASE_2: standard(absent=False),
         CASE_2_FILTERED: standard(absent=False, filter_passive=True),
         "FEM, voxels": finite_elements(perforated(absent=True)),
-        "FEM, body-fitted": body_fitted(),
+        FITTED: body_fitted(),
     }
 
 
@@ -78,7 +82,7 @@ def body_fitted() -> Analyser:
     mesh = around_hole((0.0, 0.0), (45.0, 30.0), HOLE.centre, HOLE.radius, FITTED_SIZE)
     fem = design_problem(scene, mesh=mesh)
     half = np.sqrt(fem.model.area)[:, None] * (0.5, 0.5)  # of a square of the element's area
-    return Analyser("FEM, body-fitted", scene, fem, fem.model.centres, half, no_stress)
+    return Analyser(FITTED, scene, fem, fem.model.centres, half, no_stress)
 
 
 @pytest.fixture(scope="module")
@@ -181,7 +185,7 @@ def test_cases(
         if same
         else "Void in the analysis changes the design."
     )
-    draw(report, runs, points)
+    draw(report, runs, analysers)
     lock(
         {f"{name}: {key}": rows[name][key] for name in rows for key in ("compliance", "compliance, fine reference")},
         rtol=RTOL_OPTIMUM,
@@ -246,29 +250,30 @@ def test_zero_density_as_a_start(
     lock({CASE_3: run.final}, rtol=RTOL_OPTIMUM)
 
 
-def draw(report: Report, runs: dict[str, Optimisation], points: Analyser) -> None:
+def draw(report: Report, runs: dict[str, Optimisation], analysers: dict[str, Analyser]) -> None:
     shown = {name: runs[name] for name in runs if name != CASE_2}
     figure, axes = plt.subplots(4, 3, figsize=(8.0, 7.8), sharex=True, sharey=True)
     for row, (name, run) in zip(axes, shown.items(), strict=True):
         for ax, (k, design) in zip(row, run.designs.items(), strict=True):
-            drawn = design if name == CASE_2_FILTERED else on_points(design, points)
-            draw_design(ax, drawn.x, drawn.half_length, drawn.rho)
+            if name == FITTED:
+                fitted: Any = analysers[name].problem
+                mesh = fitted.model.basis.mesh
+                plot.cells(ax, mesh.p.T[mesh.t.T], design.rho, cmap=plot.DENSITY, limits=(0.0, 1.0))
+            else:
+                drawn = design if name == CASE_2_FILTERED else on_points(design, analysers[CASE_1])
+                draw_design(ax, drawn.x, drawn.half_length, drawn.rho)
+            if name in (FITTED, CASE_2_FILTERED):
+                ax.add_patch(Circle(HOLE.centre, HOLE.radius, fill=False, edgecolor="#0072b2", linewidth=0.8))
             ax.set_title(f"iteration {k}: {run.objective[k]:.4g}", fontsize="small")
             ax.label_outer()
         row[0].set_ylabel(f"{name.partition(':')[0]}\ny / h", fontsize="small")
     report.figure(
         "layouts",
         figure,
-        "Designs and compliance on the way. Case 2 with zeros in the filter; FEM at the points' places.",
+        "Designs and compliance on the way. Case 2 with zeros in the filter; the last row on its own elements.",
     )
-    figure, (top, bottom) = plt.subplots(2, 1, figsize=(5.0, 5.0), sharex=True, height_ratios=(2, 1))
-    for name, run in runs.items():
-        top.semilogy(run.objective, label=name)
-        bottom.plot(run.volume)
-    top.set(ylabel="compliance [F²/E0]")
-    top.legend(fontsize="x-small")
-    bottom.set(xlabel="iteration", ylabel="volume fraction", ylim=(0.38, 0.42))
-    report.figure("history", figure, "Compliance and volume fraction; the first two are one line.")
+    figure = histories(runs, "compliance [F²/E0]")
+    report.figure("history", figure, "Compliance, its end enlarged, and volume fraction.")
 
 
 def test_cost(report: Report, analysers: dict[str, Analyser]) -> None:

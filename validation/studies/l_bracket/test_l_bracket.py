@@ -24,6 +24,7 @@ from validation.bodies.sketch import CHOSEN, opening
 from validation.harness.lock import Lock
 from validation.harness.report import Report
 from validation.measures.drawing import draw_design, draw_points
+from validation.measures.history import histories
 from validation.methods.analyser import METHODS, ROUNDING_RISE, Analyser, DensityField, Optimisation
 from validation.studies.l_bracket.rules import RTOL_ANALYSIS, RTOL_OPTIMUM
 
@@ -196,15 +197,8 @@ def tabulate(report: Report, done: dict[str, Optimisation], stress: dict[str, Ar
 def draw_optimisation(
     report: Report, analysers: dict[str, Analyser], done: dict[str, Optimisation], stress: dict[str, Array]
 ) -> None:
-    figure, (top, bottom) = plt.subplots(2, 1, figsize=(5.0, 5.0), sharex=True, height_ratios=(2, 1))
-    for name, run in done.items():
-        top.semilogy(run.objective, label=name)
-        bottom.plot(run.volume)
-    top.set(ylabel="p-norm [F/h]", yticks=(1, 2, 5, 10), yticklabels=("1", "2", "5", "10"))
-    top.minorticks_off()
-    top.legend()
-    bottom.set(xlabel="iteration", ylabel="volume fraction", ylim=(0.35, 0.42))
-    report.figure("history", figure, "p-norm and volume fraction; standard and GIMP are one line.")
+    figure = histories(done, "p-norm [F/h]")
+    report.figure("history", figure, "p-norm, its end enlarged, and volume fraction.")
 
     standard, fem = done["standard"], done["FEM"]
     panels = {f"iteration {k}: {standard.objective[k]:.4g}": design for k, design in standard.designs.items()}

@@ -11,9 +11,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from mpmtop.points import seed
 from mpmtop.shape_functions import gimp, tent
 from validation.bodies.column import ample, load_steps_error
 from validation.bodies.large import GIMP, METHODS, Q2, SPLINE, STRETCHED, TENT, TOTAL, elastica, points_of
+from validation.bodies.sketch import CHOSEN, PAPER, body_opening
 from validation.harness.lock import Lock
 from validation.harness.report import Report
 from validation.studies.large_deformation.checks import energy_gap, rotated, uniform
@@ -41,6 +43,22 @@ def test_uniform(report: Report) -> None:
     equilibrium inside: the imbalance is the largest nodal force by the sum of its points' parts. Then the block is
     turned by 90 degrees: no stress may appear, and the half-lengths show what each rule makes of a rotation.
     """
+    points = seed(BENT.domain, (1 / 4, 1 / 4))
+    body_opening(
+        report,
+        BENT,
+        points,
+        {
+            "size": ("10 x 1", CHOSEN),
+            "load": ("P L² / EI = 10 over the last 1/2, dead", CHOSEN),
+            "cells over the depth": ("2, and 4", CHOSEN),
+            "points": ("2 x 2 in each cell", PAPER),
+            "law": ("Hencky, plane strain, nu = 0.2", "Charlton et al. (2017)"),
+            "background": ("1e-5 E", CHOSEN),
+        },
+        h=1 / 2,
+        note="The beam that is bent most here, before the load; other sections name their own bodies.",
+    )
     found = {method: uniform(method) for method in METHODS}
     table = pd.DataFrame.from_dict(
         {

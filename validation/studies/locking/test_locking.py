@@ -13,6 +13,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from mpmtop.points import seed
+from validation.bodies.beam import beam_body
+from validation.bodies.sketch import CHOSEN, PAPER, body_opening
 from validation.harness.lock import Lock
 from validation.harness.report import Report
 from validation.methods.analyser import SHAPE_FUNCTIONS
@@ -24,9 +27,11 @@ from validation.studies.locking.levels import (
     PLAIN,
     POISSON,
     SEEDED,
+    SPACING,
     arrangement_errors,
     locking_errors,
     locking_figure,
+    plane_strain,
 )
 
 ASKED = "Does MPM lock as Poisson's ratio nears 1/2, and does B-bar cure it?"
@@ -46,6 +51,19 @@ def test_poisson(report: Report, lock: Lock) -> None:
 
     Four cells over the depth. GIMP is not shown: no domain leaves its cell, so it is the standard method.
     """
+    body = beam_body(COARSE, plane_strain(LIMIT))
+    body_opening(
+        report,
+        body,
+        seed(body.domain, (SPACING, SPACING)),
+        {
+            "size": (f"{4 * COARSE} h x {COARSE} h", CHOSEN),
+            "material": (f"E = 1, plane strain, nu from {POISSON[0]:g} to {LIMIT:g}", CHOSEN),
+            "load": ("the closed form's tractions on both ends", "Timoshenko and Goodier, Sect. 21"),
+            "supports": ("two points of the left end", "Timoshenko and Goodier, Sect. 21"),
+            "points": ("2 x 2 in each cell", PAPER),
+        },
+    )
     errors = locking_errors()
     report.figure(
         "poisson",

@@ -11,6 +11,7 @@ biquadratic elements of side h/6, one for each fine point.
 """
 
 import matplotlib.pyplot as plt
+import numpy as np
 import pandas as pd
 import pytest
 
@@ -19,7 +20,7 @@ from mpmtop.shape_functions import gimp
 from reference_fem import simp
 from reference_fem.reanalyse import Judge, build_judge
 from validation import paper
-from validation.bodies.scenes import distributed_load
+from validation.bodies.scenes import H, distributed_load
 from validation.bodies.sketch import CHOSEN, opening
 from validation.harness.lock import Lock
 from validation.harness.progress import ShowProgress
@@ -150,8 +151,10 @@ def draw_designs(report: Report, runs: dict[str, Optimisation]) -> None:
         ax.set_title(f"{name}: {run.final:.4g}", fontsize="small")
     tree = leaves()["multi, quadtree"]
     ax = axes.flat[len(runs)]
-    draw_points(ax, tree.centre, tree.half_length * 0.85, tree.level.astype(float), vmin=-1, vmax=2)
-    ax.set_title("leaves of the quadtree", fontsize="small")
+    per_cell = H**2 / np.prod(2 * tree.half_length, axis=1)
+    drawn = draw_points(ax, tree.centre, tree.half_length, per_cell, vmin=0)  # leaves are too small to draw each
+    ax.set_title("points per cell of the quadtree", fontsize="small")
+    figure.colorbar(drawn, ax=ax, shrink=0.8)
     for ax in axes.flat:
         ax.label_outer()
     report.figure("designs", figure, "Designs and compliance by the analysis that made them, and the multi quadtree.")

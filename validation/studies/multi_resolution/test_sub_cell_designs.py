@@ -118,8 +118,9 @@ def test_sub_cell_designs(report: Report, lock: Lock, progress: ShowProgress) ->
     )
     large_worst = max(rows[ppc, large]["true / apparent"] for ppc in PPC[1:])
     report.so(
-        f"Keep the filter radius at a cell at least, whatever the number of points: true compliance is then at most "
-        f"{large_worst:.2f} times the reported one, with smaller radii up to {worst[0]:.0f} times.",
+        f"Keep the filter radius at a cell at least, whatever the number of points: the true compliance is then at "
+        f"most {large_worst:.2f} times the one that MPM reports. With a radius of {worst[1][1]:g} cells the truth was "
+        f"up to {worst[0]:.0f} times as much as MPM reported.",
         front="What to do",
     )
     false = runs[worst[1]]

@@ -21,6 +21,7 @@ from mpmtop.points import seed
 from reference_fem.reanalyse import build_judge
 from validation.bodies.crossing import Crossing, Jitter, Periodic, Uniform
 from validation.bodies.scenes import SPACING, H, cantilever
+from validation.bodies.sketch import CHOSEN, opening
 from validation.harness.progress import ShowProgress
 from validation.harness.report import Report
 from validation.measures.timing import Work, cpu_seconds, in_own_process
@@ -80,6 +81,7 @@ def test_same_problem(report: Report) -> None:
     the fine reference.
     """
     scene = cantilever()
+    opening(report, scene, {"load": CHOSEN, "filter radius": CHOSEN, "E_min / E0": CHOSEN, "rho_min": CHOSEN})
     peer = PyMoto(scene, 80, 40, MOVE)
     peer.step()
     fem = METHODS["FEM"](scene)

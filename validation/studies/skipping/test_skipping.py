@@ -26,6 +26,7 @@ from mpmtop.problem import DesignProblem, design_problem
 from mpmtop.scene import Scene
 from mpmtop.shape_functions import Ends, ShapeFunction, Stencil, gimp, tent
 from validation.bodies.scenes import SPACING, H, cantilever, changed, l_bracket, perforated
+from validation.bodies.sketch import CHOSEN, opening
 from validation.harness.report import Report
 from validation.measures.timing import Work, cpu_seconds, evaluation_with_gradient, iteration
 
@@ -121,6 +122,8 @@ def test_rules(report: Report) -> None:
 
     For each rule first a scene where it applies, then one where it does not. Steps and gradients are of 15 iterations.
     """
+    sources = {"load": CHOSEN, "filter radius": CHOSEN, "E_min / E0": CHOSEN, "rho_min": CHOSEN}
+    opening(report, cantilever(), sources, note="One of the scenes; each row of the table names its own.")
     beam, bracket = problem(cantilever()), problem(l_bracket())
     x = beam.model.points.x[:, 0]
     cut = np.where(np.abs(x - 21) < 1, 0.0, 1.0)  # void 2h wide, between the clamp and the load

@@ -28,10 +28,11 @@ from mpmtop.equilibrium import equilibrium
 from mpmtop.errors import NotConverged, UnsupportedBody
 from mpmtop.model import Model
 from mpmtop.solvers import Solve, Solver
+from validation.bodies.sketch import CHOSEN, opening
 from validation.harness.lock import Lock
 from validation.harness.report import Report
 from validation.oracles.extended import condition, plain_condition
-from validation.studies.stability.cases import GHOST, fields, lattice, model_of
+from validation.studies.stability.cases import GHOST, beam, fields, lattice, model_of
 from validation.studies.stability.figures import Cuts, column, draw_contrast, draw_cuts, draw_positions
 from validation.studies.stability.interruption import AFTER
 from validation.studies.stability.judge import KINDS, densities, direct, distance, quantities, reference
@@ -70,6 +71,11 @@ def test_positions(report: Report) -> None:
     scene and its grid moved to another origin, by irrational numbers and by 1e6 h, where positions are known to 1e-10 h
     only: the compliance of the scene in its place. The grid alone moved.
     """
+    own = ("size", "material points", "load", "volume fraction", "filter radius", "E_min / E0", "rho_min")
+    sources = dict.fromkeys(own, CHOSEN)
+    opening(
+        report, beam(), sources, points=lattice(), note="Cases change one thing at a time, far past what is sensible."
+    )
     none_else = tabulate(report, "positions", outcomes("Positions"), "Positions: cases and outcomes.")
     draw_positions(report)
     assert none_else

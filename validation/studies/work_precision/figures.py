@@ -102,8 +102,10 @@ def recorded(report: Report, frame: pd.DataFrame, tag: str, benchmark: str = "")
     for number, quantity in enumerate(frame["quantity"].unique()):
         name = f"{tag}_{quantity.replace(' ', '_')}"
         runs = frame[frame["quantity"] == quantity]
-        caption = f"Error of the {quantity} against work. Circles: Pareto front."
+        caption = f"Error of the {quantity} against nonzeros of K, 2 x 2 points per cell. Circles: Pareto front of all."
         draw(report, name, work_figure(runs), caption, folded=number > 0)
+        caption = f"Error of the {quantity} as seeded against the other costs, with 1 to 4 points per cell, too (thin)."
+        draw(report, f"{name}_in_full", full_figure(runs), caption, folded=True)
         table = slope[quantity].unstack("ppc").round(2).rename(columns=lambda p: f"{p} x {p}" if p else "elements")
         report.table(f"{name}_slopes", table, f"Slopes of the {quantity} by points per cell.", 3)
 
@@ -146,20 +148,30 @@ def draw(recorder: Recorder, name: str, figure: Figure, caption: str, *, folded:
 
 
 def work_figure(runs: pd.DataFrame) -> Figure:
-    """Errors as seeded against every cost, and below, with points that have crossed, against nonzeros of K."""
-    seeded, *crossed = arrangements(runs)
-    figure, axes = panels(2, len(COSTS))
-    for ax, (cost, name) in zip(axes[0], COSTS.items(), strict=True):
-        panel(ax, of_arrangement(runs, seeded), cost)
-        ax.set(title=seeded, xlabel=name)
-    for ax, points in zip(axes[1], crossed, strict=False):
-        panel(ax, of_arrangement(runs, points), "nonzeros")
+    """Errors against nonzeros of K, one panel for each arrangement of the points."""
+    arranged = arrangements(runs)
+    figure, axes = panels(1, len(arranged) + 1)
+    for ax, points in zip(axes[0], arranged, strict=False):
+        panel(ax, of_arrangement(runs, points), "nonzeros", faint=False)
         ax.set(title=points, xlabel=COSTS["nonzeros"])
-    for ax in axes[1, len(crossed) :]:
-        ax.set_axis_off()
-    for ax in axes[:, 0]:
-        ax.set(ylabel="relative error")
-    axes[1, -1].legend(*axes[0, 0].get_legend_handles_labels(), loc="center")
+    return _with_legend(figure, axes)
+
+
+def full_figure(runs: pd.DataFrame) -> Figure:
+    """Errors as seeded against the other costs, all numbers of points per cell."""
+    others = {cost: name for cost, name in COSTS.items() if cost != "nonzeros"}
+    figure, axes = panels(1, len(others) + 1)
+    for ax, (cost, name) in zip(axes[0], others.items(), strict=False):
+        panel(ax, of_arrangement(runs, arrangements(runs)[0]), cost)
+        ax.set(xlabel=name)
+    return _with_legend(figure, axes)
+
+
+def _with_legend(figure: Figure, axes: np.ndarray) -> Figure:
+    """The last panel of a row is the legend's."""
+    axes[0, 0].set(ylabel="relative error")
+    axes[0, -1].set_axis_off()
+    axes[0, -1].legend(*axes[0, 0].get_legend_handles_labels(), loc="center")
     return figure
 
 
@@ -172,10 +184,7 @@ def time_figure(frame: pd.DataFrame) -> Figure:
         seeded = arrangements(runs)[0]
         panel(ax, of_arrangement(runs, seeded), "seconds")
         ax.set(title=f"{quantity}, {seeded}", xlabel="CPU seconds")
-    axes[0, 0].set(ylabel="relative error")
-    axes[0, -1].set_axis_off()
-    axes[0, -1].legend(*axes[0, 0].get_legend_handles_labels(), loc="center")
-    return figure
+    return _with_legend(figure, axes)
 
 
 def panels(rows: int, columns: int, *, sharey: bool = True) -> tuple[Figure, np.ndarray]:
@@ -195,14 +204,17 @@ def panels(rows: int, columns: int, *, sharey: bool = True) -> tuple[Figure, np.
     return figure, axes
 
 
-def panel(ax: Axes, runs: pd.DataFrame, cost: str) -> None:
-    """Cases of 2 x 2 points and of elements as full lines, others faint; circles on the Pareto front."""
+def panel(ax: Axes, runs: pd.DataFrame, cost: str, *, faint: bool = True) -> None:
+    """Cases of 2 x 2 points and of elements as full lines, the others `faint` or not at all; circles on the Pareto
+    front."""
     for k, method in enumerate((*SHAPE_FUNCTIONS, *FEM.values())):
         cases = runs[runs["method"] == method]
         main = cases["ppc"].isin((0, 2))
         x, y = cases.loc[main, [cost, "error"]].to_numpy().T
         style = "--" if method in FEM.values() else "-"
         ax.plot(x, y, style, color=f"C{k}", linewidth=1.6, marker=".", label=method)
+        if not faint:
+            continue
         # one line with gaps, which is drawn faster than many
         parts = [case[[cost, "error"]].to_numpy() for _, case in cases[~main].groupby("ppc")]
         x, y = np.concatenate([GAP, *(row for part in parts for row in (part, GAP))]).T

@@ -25,6 +25,7 @@ import pytest
 
 from validation.bodies.bracket import bracket_reference
 from validation.bodies.cook import COOK_REFERENCE, cook_reference
+from validation.bodies.patterns import define
 from validation.harness.lock import Lock
 from validation.harness.progress import ShowProgress
 from validation.harness.report import Report
@@ -34,12 +35,14 @@ from validation.studies.work_precision.field import field_compliance
 from validation.studies.work_precision.figures import designs_recorded, recorded
 from validation.studies.work_precision.quantities import BEAM, BRACKET, COOK, FIELD, FINEST, SQUARE
 from validation.studies.work_precision.runs import FEM, PPC, refined
+from validation.studies.work_precision.sketches import benchmarks
 
 # points are moved off the clamp and over grid lines on purpose
 pytestmark = pytest.mark.filterwarnings("ignore::mpmtop.diagnose.ModelWarning")
 
 ASKED = "What does an accuracy cost, in unknowns, memory and time, with points and with elements?"
 
+QUANTITIES = (SQUARE, BEAM, COOK, BRACKET, FIELD)
 RTOL_ERRORS = 1e-5
 """Rounding of displacements, condition number 1e6 times 1e-16, beside the smallest locked error of 1e-4: 1e-6."""
 RTOL_OPTIMUM = 2e-3
@@ -56,6 +59,9 @@ def test_manufactured(report: Report, lock: Lock, progress: ShowProgress) -> Non
     one modulus, while the elements' is built as a map from any moduli, as in an optimisation. One point per cell is its
     centre, where the tent's stress is of order 2 and not 1.
     """
+    caption = "The benchmarks: orange is held, arrows are forces, blue is where the error is taken."
+    report.opening.figure("benchmarks", benchmarks(), caption)
+    define(report.opening, sorted({crossing for q in QUANTITIES for crossing in q.crossings}, key=str))
     frame = refined(SQUARE, progress)
     recorded(report, frame, "square", "Manufactured solution")
     expected = {("displacement", "FEM Q1", 0): 2.0, ("displacement", "FEM Q2", 0): 3.0, ("stress", "FEM Q2", 0): 2.0}

@@ -13,6 +13,7 @@ from validation.bodies.scenes import SPACING, H, cantilever
 from validation.harness.lock import Lock
 from validation.harness.report import Report
 from validation.measures.drawing import draw_design
+from validation.measures.history import histories
 from validation.methods.analyser import SHAPE_FUNCTIONS, Optimisation, material_points
 from validation.studies.crossing.cantilever.calibration import NAMES, REPRODUCTION, RTOL_OPTIMUM, Calibration
 
@@ -131,26 +132,22 @@ def draw_optimisation(report: Report, shown: dict[str, Optimisation], crossing: 
     axes[2, 1].set_axis_off()
     report.figure("layouts", figure, f"Designs and compliance by the method that made them, {crossing}.")
 
-    figure, (top, bottom) = plt.subplots(2, 1, figsize=(5.0, 5.4), height_ratios=(1, 1))
-    for name, run in shown.items():
-        top.semilogy(run.objective, label=name)
-    top.set(xlabel="iteration", ylabel="compliance [F²/E0]", yticks=(80, 100, 200, 400))
-    top.set_yticklabels(["80", "100", "200", "400"])
-    top.minorticks_off()
-    top.legend()
+    figure = histories(shown, "compliance [F²/E0]")
+    report.figure("history", figure, "Compliance, its end enlarged, and volume fraction.")
+    figure, ax = plt.subplots()
     for name in ("standard, no crossing", *NAMES):
         design = shown[name].design
         columns, column = np.unique(np.round(design.x[:, 0], 6), return_inverse=True)
         # the line style of the history above
         style = list(shown).index(name)
         cycle = plt.rcParams["axes.prop_cycle"].by_key()
-        bottom.plot(
+        ax.plot(
             columns,
             np.bincount(column, design.rho) / np.bincount(column),
             color=cycle["color"][style],
             linestyle=cycle["linestyle"][style],
+            label=name,
         )
-    bottom.set(xlabel="x / h", ylabel="mean density of column")
-    report.figure(
-        "history", figure, "Compliance by iteration; mean density of each column of points: peaks are struts."
-    )
+    ax.legend()
+    ax.set(xlabel="x / h", ylabel="mean density of column")
+    report.figure("columns", figure, "Mean density of each column of points: peaks are struts.")

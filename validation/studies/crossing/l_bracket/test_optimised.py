@@ -16,6 +16,7 @@ from validation.bodies.scenes import SPACING, cantilever
 from validation.harness.lock import Lock
 from validation.harness.report import Report
 from validation.measures.drawing import draw_design, draw_points
+from validation.measures.history import histories
 from validation.methods.analyser import (
     METHODS,
     ROUNDING_RISE,
@@ -107,7 +108,7 @@ def test_optimisation(
     report.found(
         f"Stress designs of standard MPM report a p-norm of {standard['p-norm']:.2f}, and the fine reference finds "
         f"{standard['p-norm, fine reference']:.2f}; GIMP reports {gimp['p-norm']:.2f}, the reference "
-        f"{gimp['p-norm, fine reference']:.2f}.",
+        f"{gimp['p-norm, fine reference']:.2f}{unlike_seeded(gimp, still)}.",
         front="Points have crossed cells",
     )
     trusted = [
@@ -150,6 +151,17 @@ def test_optimisation(
     assert all(holds)
 
 
+def unlike_seeded(gimp: dict[str, Any], still: dict[str, Any]) -> str:
+    """Why GIMP's crossed design can be the better one in truth: by how much each is blind to its own stress."""
+    true, own = "p-norm, fine reference", "p-norm"
+    if gimp[true] >= still[true]:
+        return ""
+    return (
+        f", below the {still[true]:.2f} of its design as seeded: there no domain leaves its cell, GIMP is standard MPM "
+        f"and misses {1 - still[own] / still[true]:.0%} of the stress, crossed {1 - gimp[own] / gimp[true]:.0%}"
+    )
+
+
 def cut_norm(judge: Judge, rho: Array) -> float:
     """p-norm of a design cut to black and white; infinite if the cut leaves the load without a support."""
     try:
@@ -181,10 +193,4 @@ def draw_optimisation(report: Report, runs: dict[str, Optimisation], stress: dic
             ax.label_outer()
     figure.colorbar(drawn, ax=axes[1], label=drawn.get_label(), extend="max")
     report.figure("layouts", figure, "Designs and p-norm, and the relaxed stress, each by the method that made it.")
-    figure, ax = plt.subplots()
-    for name, run in runs.items():
-        ax.semilogy(run.objective, label=name)
-    ax.set(xlabel="iteration", ylabel="p-norm [F/h]", yticks=(1, 2, 5, 10), yticklabels=("1", "2", "5", "10"))
-    ax.minorticks_off()
-    ax.legend()
-    report.figure("history", figure, "p-norm by iteration.")
+    report.figure("history", histories(runs, "p-norm [F/h]"), "p-norm, its end enlarged, and volume fraction.")
