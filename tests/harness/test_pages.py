@@ -175,7 +175,7 @@ def test_findings_come_from_the_stores(studied: tuple[Path, str]) -> None:
     text = with_findings(f"before\n{BEGIN}old\n{END}\nafter\n", studied[0] / "reports")
     assert text.startswith(f"before\n{BEGIN}![Designs")
     assert text.endswith(f"{END}\nafter\n")
-    assert "1. **With crossing.** With tent the tip jumps by 13.7%.\n2. **With crossing.** With GIMP" in text
+    assert "2. **With crossing.** With tent the tip jumps by 13.7%.\n3. **With crossing.** With GIMP" in text
     assert "\n\n**What to do.** Keep points as seeded.\n" in text
     assert "old" not in text
     with pytest.raises(ValueError, match="put it where the findings belong"):
