@@ -5,8 +5,7 @@ checked by its residual. Stresses are ordered (xx, yy, xy, zz) on the last axis.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import NamedTuple
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sp
@@ -22,7 +21,7 @@ from mpmtop.errors import InvalidScene, NotConverged
 from mpmtop.loads import action, check_work
 from reference_fem.boundary import held_dofs, nodal_forces
 from reference_fem.factorise import Factorise, Solve, choose_elimination, minimum_degree_superlu
-from reference_fem.forces import distributed
+from reference_fem.forces import Forces, distributed
 from reference_fem.mesh import (
     ELEMENT_CENTRE,
     GEOMETRY_TOLERANCE,
@@ -73,6 +72,8 @@ class FemModel:
     shape       (e,) which of them an element has
     f_ext       (N,) load vector [force], but for loads that follow the density
     weight      (N, e) these by the density of each element, None if there is none
+    eliminate   how free dofs are ordered and factorised
+    forces_of   load vectors of any loads of the body; None where the model was given its own
     """
 
     body: Body
@@ -86,6 +87,8 @@ class FemModel:
     weight: sp.csr_matrix | None
     stiffness: StiffnessMap
     factorise: Factorise
+    eliminate: Eliminate
+    forces_of: Callable[[Body], Forces] | None = None
 
     def force(self, rho: Array) -> Array:
         """Load vector (N,) of all loads at densities rho (e,)."""
@@ -123,14 +126,19 @@ def discretise(
         check_mesh(body.domain, mesh)
         kind, eliminate = ON_ANY_MESH
     basis = vector_basis(mesh, order)
-    centres, tol = element_centres(mesh), GEOMETRY_TOLERANCE * shortest_side(mesh)
-    acts = action(body.loads, centres, element_areas(mesh), tol)
-    positions, forces = acts.places(centres)
-    spread = distributed(acts, body.domain, basis, kind)
-    at_places = nodal_forces(basis, positions, forces, kind.locate)
-    model = fem_model(body, basis, at_places + spread.fixed, eliminate, weight=spread.weight)
+
+    def forces_of(body: Body) -> Forces:
+        centres, tol = element_centres(mesh), GEOMETRY_TOLERANCE * shortest_side(mesh)
+        acts = action(body.loads, centres, element_areas(mesh), tol)
+        positions, forces = acts.places(centres)
+        spread = distributed(acts, body.domain, basis, kind)
+        at_places = nodal_forces(basis, positions, forces, kind.locate)
+        return Forces(at_places + spread.fixed, spread.weight, float(np.abs(forces).sum()) + spread.size)
+
+    loads = forces_of(body)
+    model = replace(fem_model(body, basis, loads.fixed, eliminate, weight=loads.weight), forces_of=forces_of)
     if body.loads:
-        check_work(model.force(np.ones(len(model.area)))[model.free], float(np.abs(forces).sum()) + spread.size)
+        check_work(model.force(np.ones(len(model.area)))[model.free], loads.size)
     return model
 
 
@@ -178,6 +186,7 @@ def fem_model(
         weight=weight,
         stiffness=_stiffness_map(dofs, matrices[shape], len(free)),
         factorise=factorise,
+        eliminate=eliminate,
     )
 
 
@@ -202,10 +211,10 @@ def unit_stiffness(basis: CellBasis, material: Material) -> tuple[Array, Index]:
         np.rint(edges / (GEOMETRY_TOLERANCE * np.abs(edges).max())), axis=0, return_index=True, return_inverse=True
     )
     exact = CellBasis(basis.mesh, basis.elem, intorder=basis.elem.maxdeg, elements=first, dofs=basis.dofs)
-    return linear_elasticity(*_lame(material)).coo_data(exact).tolocal(), shape.ravel()
+    return linear_elasticity(*lame(material)).coo_data(exact).tolocal(), shape.ravel()
 
 
-def _lame(material: Material) -> tuple[float, float]:
+def lame(material: Material) -> tuple[float, float]:
     """Lamé parameters (lambda, mu) at unit modulus, mu = 1 / (2 (1 + nu)).
 
     lambda = nu / ((1 + nu)(1 - 2 nu)) in plane strain; in plane stress, sigma_zz = 0 leaves the law of the plane with
@@ -258,43 +267,7 @@ def inverse_stiffness(model: FemModel, young: Array) -> Solve:
     return inverse
 
 
-class Derivative(NamedTuple):
-    """dJ of J = work f . u + j(rho, u): dj/drho (e,) at fixed u and dj/du (N,). None stands for zero."""
-
-    rho: Array | None = None
-    u: Array | None = None
-    work: float = 0.0
-
-
-def adjoint(state: State, by: Derivative) -> Array:
-    """lambda (N,) with K lambda = dJ/du, of L = J + lambda . (f - K u); u itself for the work of the load, K u = f."""
-    own = by.work * state.u
-    return own if by.u is None else own + state.solve(by.u)
-
-
-def load_gradient(model: FemModel, state: State, by: Derivative, adjoint: Array) -> Array | None:
-    """(work u + lambda) . df/drho (e,) of the loads that follow the density; None if none does."""
-    return None if model.weight is None else model.weight.T @ (by.work * state.u + adjoint)
-
-
-def moduli_gradient(model: FemModel, state: State, adjoint: Array) -> Array:
-    """dJ/dE_e = -lambda_e . k_e u_e, (e,)."""
-    return -unit_work(model, adjoint, state.u)
-
-
-def unit_work(model: FemModel, v: Array, u: Array) -> Array:
-    """v_e . k_e u_e (e,) at unit modulus: times the moduli it sums to v.K u, and minus it is dJ/dE for an adjoint v."""
-    v_e, u_e = (_without_translation(w[model.basis.element_dofs.T]) for w in (v, u))
-    return np.sum(np.matmul(model.matrices[model.shape], u_e[:, :, None])[:, :, 0] * v_e, axis=1)
-
-
-def _without_translation(u_e: Array) -> Array:
-    """Element displacements (e, d) less their mean: it does no work, yet its rounding would drown small strains."""
-    by_node = u_e.reshape(len(u_e), -1, 2)
-    return (by_node - by_node.mean(axis=1, keepdims=True)).reshape(u_e.shape)
-
-
-def _basis_at(model: FemModel, reference: Array) -> CellBasis:
+def basis_at(model: FemModel, reference: Array) -> CellBasis:
     """The model's basis evaluated at reference positions (2, q) of every element."""
     return CellBasis(
         model.basis.mesh, model.basis.elem, quadrature=(reference, np.ones(reference.shape[1])), dofs=model.basis.dofs
@@ -303,7 +276,7 @@ def _basis_at(model: FemModel, reference: Array) -> CellBasis:
 
 def strain_operator(model: FemModel, reference: Array = ELEMENT_CENTRE) -> sp.csr_matrix:
     """B (3 e q, N): B u is the strain (e, q, 3), (xx, yy, 2 xy), at reference positions (2, q) of every element."""
-    basis = _basis_at(model, reference)
+    basis = basis_at(model, reference)
     strain = np.stack([sym_grad(function[0]) for function in basis.basis])  # (d, 2, 2, e, q)
     values = np.stack([strain[:, 0, 0], strain[:, 1, 1], 2 * strain[:, 0, 1]], axis=-1)  # (d, e, q, 3)
     rows = np.broadcast_to(np.arange(values[0].size).reshape(values.shape[1:]), values.shape)
@@ -317,8 +290,8 @@ def stress(model: FemModel, u: Array, young: Array, reference: Array = ELEMENT_C
     The default is the centre (q = 1); `gauss_points(model)` gives the integration points. sigma_zz is
     nu (sigma_xx + sigma_yy) in plane strain and zero in plane stress.
     """
-    basis = _basis_at(model, reference)
-    plane = linear_stress(*_lame(model.body.material))(sym_grad(basis.interpolate(u))) * young[:, None]
+    basis = basis_at(model, reference)
+    plane = linear_stress(*lame(model.body.material))(sym_grad(basis.interpolate(u))) * young[:, None]
     zz = model.body.material.poisson * (plane[0, 0] + plane[1, 1]) * (model.body.material.plane == "strain")
     return np.stack([plane[0, 0], plane[1, 1], plane[0, 1], zz], axis=-1)
 
@@ -343,7 +316,7 @@ def von_mises_factor(material: Material, measure: StressMeasure = "von_mises") -
     3 t^2, where s = (lambda + mu)(eps_xx + eps_yy), d = mu (eps_xx - eps_yy), t = 2 mu eps_xy and sigma_zz = 2 nu s in
     plane strain, 0 in plane stress and where the measure leaves it out.
     """
-    lam, mu = (material.young * constant for constant in _lame(material))
+    lam, mu = (material.young * constant for constant in lame(material))
     zz_counts = material.plane == "strain" and measure == "von_mises"
     mean = (lam + mu) * (1 - 2 * material.poisson * zz_counts)
     shear = np.sqrt(3) * mu

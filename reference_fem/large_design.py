@@ -134,6 +134,8 @@ class LargeDesignProblem:
             raise InvalidScene("the large deformation model has other elements: make it of the linear problem's")
         if self.linear.filtered != "density":
             raise InvalidScene("the sensitivity filter in large deformation: use filtered='density'")
+        if self.linear.design.projection is not None or self.linear.constraints or self.linear.cases:
+            raise InvalidScene("large deformation knows no projection, further constraints or load cases: drop them")
 
     @property
     def x0(self) -> Array:
@@ -170,7 +172,7 @@ class LargeDesignProblem:
 
     def gradient(self, evaluation: Evaluation) -> tuple[Array, Array]:
         """dJ/dx (a,) and dg/dx (1, a): one adjoint for each level that J depends on."""
-        return self.linear.H.T @ self.density_gradient(evaluation), self.linear.volume_gradient
+        return self.linear.H.T @ self.density_gradient(evaluation), self.linear.volume_gradient()
 
     def density_gradient(self, at: Evaluation) -> Array:
         """dJ/drho (e,) by the physical densities."""

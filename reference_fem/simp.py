@@ -1,35 +1,32 @@
 """Density-based optimisation on a finite element model: design, SIMP, objective and gradient."""
 
 import hashlib
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, is_dataclass
 from functools import cached_property
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
-import scipy.sparse as sp
 from skfem import MeshQuad
 
 from mpmtop.arrays import Array, Mask
 from mpmtop.body import Material
-from mpmtop.criteria import Compliance, PNormStress, finite_gradient
+from mpmtop.criteria import AtMost, Compliance, Criterion, Displacement, Worst, finite_gradient
 from mpmtop.design import Design, physical_densities
 from mpmtop.errors import InvalidScene, LoadOutsideBody
 from mpmtop.loads import carriers
-from mpmtop.scene import Scene, check_together
+from mpmtop.scene import LoadCase, Scene, check_together
 from reference_fem import at_elements as at_elements
-from reference_fem.design import DesignSpace, design_space
+from reference_fem.adjoint import adjoint, load_gradient, moduli_gradient
+from reference_fem.cases import Sum, case_models, constraint_sums, objective_sums, states
 from reference_fem.elasticity import (
     FemModel,
     State,
-    adjoint,
     discretise,
-    inverse_stiffness,
-    load_gradient,
-    moduli_gradient,
 )
 from reference_fem.mesh import GEOMETRY_TOLERANCE, shortest_side
-from reference_fem.objectives import STRESS_POSITIONS, Objective, StressPosition, objective
+from reference_fem.objectives import STRESS_POSITIONS, Objective, StressPosition, objective, unit_force
 from reference_fem.outline import even_lines
+from reference_fem.variables import DesignVariables
 
 Filtered = Literal["density", "sensitivity"]
 SENSITIVITY_FLOOR = 1e-3  # density by which the averaged sensitivity is divided, at least: of the published codes
@@ -38,24 +35,41 @@ VOLUME_ROUNDING = 1e-12  # of the volume: sums of areas
 
 @dataclass(frozen=True, eq=False)
 class Evaluation:
-    """One analysed design: objective, constraints g (1,) <= 0, densities rho (e,) and the state."""
+    """One analysed design: objectives (k,), constraints g (m,) <= 0, densities rho (e,), and the state in each case.
 
-    objective: float
+    The objective is the largest of the objectives. `filtered` (e,) are the densities before a projection, None where
+    the densities come from no design.
+    """
+
+    objectives: Array
     constraints: Array
     rho: Array
-    state: State
+    states: tuple[State, ...]
+    filtered: Array | None = None
+
+    @property
+    def objective(self) -> float:
+        """J."""
+        return float(np.max(self.objectives))
+
+    @property
+    def state(self) -> State:
+        """The state, in the first load case."""
+        return self.states[0]
 
     @property
     def u(self) -> Array:
-        """Displacements (N,)."""
+        """Displacements (N,), in the first load case."""
         return self.state.u
 
 
 @dataclass(frozen=True, eq=False)
-class DesignProblem:
-    """Minimise `objective` over the `design` (a,) at a volume of at most `volume_fraction` of the body.
+class DesignProblem(DesignVariables):
+    """Minimise `objective` over the `design` (n,) at a volume of at most `volume_fraction` of the body, and under
+    `constraints`, in one load case or several `cases`; see `Scene`.
 
-    rho = H design + fixed, E = E(rho) by SIMP, K(E) u = f, g = sum(area rho) / (volume_fraction sum(area)) - 1 <= 0.
+    rho = P(H design + fixed), E = E(rho) by SIMP, K(E) u = f, g = sum(area rho) / (volume_fraction sum(area)) - 1 <= 0;
+    P is the design's projection, if it has one.
     A stress objective takes stresses at the element centres or the Gauss points.
 
     Elements in passive regions have density 1 or 0 and leave the design: a variables for e elements. Solid
@@ -69,85 +83,59 @@ class DesignProblem:
 
     model: FemModel
     design: Design
-    objective: Compliance | PNormStress = field(default_factory=Compliance)
+    objective: Criterion | Worst = field(default_factory=Compliance)
     stress_at: StressPosition = "centre"
     filter_passive: bool = False
     filtered: Filtered = "density"
+    constraints: tuple[AtMost, ...] = ()
+    cases: tuple[LoadCase, ...] = ()
 
     def __post_init__(self) -> None:
-        check_together(self.model.body, self.design, self.objective)
+        check_together(self.model.body, self.design, self.objective, self.constraints, self.cases)
         if self.filtered not in get_args(Filtered):
             raise InvalidScene(f"filtered {self.filtered!r}: say one of {', '.join(get_args(Filtered))}")
         if self.filtered == "sensitivity" and self.filter_passive:
             raise InvalidScene("filter_passive averages densities, the sensitivity filter does not: drop one of them")
+        if self.filtered == "sensitivity" and (self.design.projection or self.design.symmetry or self.constraints):
+            raise InvalidScene(
+                "the sensitivity filter knows the volume constraint alone: with a projection, symmetry or constraints "
+                "take the density filter"
+            )
         if self.stress_at not in STRESS_POSITIONS:
             raise InvalidScene(f"stress at {self.stress_at!r}: say one of {', '.join(STRESS_POSITIONS)}")
-        least = self.volume(self.H @ self.lower + self.space.fixed)
+        least = self.volume(self.densities(self.H @ self.lower + self.space.fixed))
         if least > 1 + VOLUME_ROUNDING:
             fraction = self.design.volume_fraction
             raise InvalidScene(
                 f"passive solid, with rho_min elsewhere, is {least * fraction:.4f} of the volume and volume_fraction "
                 f"{fraction}: raise it, or shrink passive_solid"
             )
-        _check_loads(self.model, self.space.void)
+        for model in self.models:
+            _check_loads(model, self.space.void)
+        _ = self.sums  # what cannot be made is said now
 
     @cached_property
-    def space(self) -> DesignSpace:
-        """Which elements are design variables, and the filter."""
-        return design_space(self.design, self.model.centres, self.model.area, self.filter_passive)
-
-    @property
-    def H(self) -> sp.csr_matrix:
-        """Density filter (e, a), with empty rows for passive elements."""
-        return self.space.H
-
-    @property
-    def positions(self) -> Array:
-        """Centres of the elements that are design variables, (a, 2)."""
-        return self.model.centres[self.space.active]
-
-    @property
-    def filter_radius(self) -> float:
-        """Radius of the filter [length]."""
-        return self.design.filter_radius
+    def models(self) -> tuple[FemModel, ...]:
+        """The model in each load case."""
+        return case_models(self.model, self.cases)
 
     @cached_property
     def functional(self) -> Objective:
-        """Value and derivatives of the objective."""
-        return objective(self.objective, self.model, self.stress_at)
-
-    @property
-    def x0(self) -> Array:
-        """Uniform design (a,) that meets the volume constraint: the volume fraction if nothing is passive."""
-        a = len(self.space.active)
-        if a == len(self.model.area):
-            return np.full(a, self.design.volume_fraction)
-        area = self.model.area
-        uniform = (self._volume_bound - area @ self.space.fixed) / (area @ (self.H @ np.ones(a)))
-        return np.full(a, np.clip(uniform, self.design.rho_min, 1))
-
-    @property
-    def lower(self) -> Array:
-        """rho_min everywhere (a,)."""
-        return np.full(len(self.space.active), self.design.rho_min)
-
-    @property
-    def upper(self) -> Array:
-        """One everywhere (a,)."""
-        return np.ones(len(self.space.active))
+        """Value and derivatives of what the objective is made of."""
+        of = self.objective.criterion if isinstance(self.objective, Worst) else self.objective
+        return objective(of, self.model, self.stress_at, self.volume_share)
 
     @cached_property
-    def _volume_bound(self) -> float:
-        return self.design.volume_fraction * self.model.area[~self.space.void].sum()
-
-    def volume(self, rho: Array) -> float:
-        """Volume of densities rho (e,) by the largest one allowed."""
-        return float(self.model.area @ rho / self._volume_bound)
+    def sums(self) -> tuple[tuple[Sum, ...], tuple[Sum, ...]]:
+        """Objectives, and constraints beside that of the volume fraction."""
+        share, count = self.volume_share, len(self.models)
+        constraints = constraint_sums(self.constraints, self.model, self.stress_at, share, count)
+        return objective_sums(self.objective, self.functional, self.cases), constraints
 
     @property
-    def volume_gradient(self) -> Array:
-        """Derivative (1, a) of that volume by the design."""
-        return (self.H.T @ self.model.area / self._volume_bound)[None]
+    def limits_volume(self) -> bool:
+        """Whether the volume fraction is a constraint, the first one; not one that no design exceeds, beside others."""
+        return self.design.volume_fraction < 1 or not self.constraints
 
     @property
     def fingerprint(self) -> str:
@@ -161,7 +149,11 @@ class DesignProblem:
             *(design.volume_fraction, design.rho_min),
         )
         said = (
-            repr(self.objective),
+            told(self.objective),
+            *map(told, self.constraints),
+            told(design.projection),
+            told(design.symmetry),
+            *(float(case.weight) for case in self.cases),
             material.plane,
             model.basis.Nbfun,
             self.stress_at,
@@ -170,55 +162,86 @@ class DesignProblem:
         )
         digest = hashlib.sha256(repr(said).encode())
         corners = model.basis.mesh.p[:, model.basis.mesh.t]
-        sparse = (self.H, *(() if model.weight is None else (model.weight,)))
+        sparse = (self.H, *(case.weight for case in self.models if case.weight is not None))
         weights = (part for matrix in sparse for part in (matrix.data, matrix.indices, matrix.indptr))
-        for array in (corners, np.sort(model.free), model.f_ext, space.solid, space.void, space.fixed, *weights):
+        in_cases = (array for case in self.models for array in (np.sort(case.free), case.f_ext))
+        asked = (unit_force(model, each) for each in self._displacements)
+        for array in (corners, *in_cases, *asked, space.solid, space.void, space.fixed, *weights):
             digest.update(array.tobytes())
         return digest.hexdigest()
 
+    @property
+    def _displacements(self) -> list[Displacement]:
+        return [each.criterion for sums in self.sums for each in sums if isinstance(each.criterion, Displacement)]
+
     def evaluate(self, x: Array) -> Evaluation:
-        """Objective and constraint of the design x (a,): one factorisation, one solve, no derivative."""
+        """Objective and constraints of the design x (n,): no derivative, one factorisation for all cases on the same
+        supports."""
         if self.filtered == "density":
-            return self.analyse(self.H @ x + self.space.fixed)
+            filtered = self.H @ x + self.space.fixed
+            return self._analyse(self.densities(filtered), filtered)
         rho = self.space.solid.astype(float)
         rho[self.space.active] = x
         return self.analyse(rho)
 
     def analyse(self, rho: Array) -> Evaluation:
-        """Objective and constraint of physical densities rho (e,) in [0, 1], of any origin, passive ones included."""
+        """Objective and constraints of physical densities rho (e,) in [0, 1], of any origin, passive ones included."""
+        return self._analyse(rho, None)
+
+    def _analyse(self, rho: Array, filtered: Array | None) -> Evaluation:
         rho = physical_densities(rho, len(self.model.area), "element")
-        moduli = simp(rho, self.model.body.material, self.design)[0]
-        inverse = inverse_stiffness(self.model, moduli)
-        u = inverse(self.model.force(rho))
-        constraints = np.array([self.volume(rho) - 1])
-        return Evaluation(self.functional.value(rho, u), constraints, rho, State(moduli, u, inverse))
+        found = states(self.models, simp(rho, self.model.body.material, self.design)[0], rho)
+        objectives, others = ([each.value(self.models, found, rho) for each in sums] for sums in self.sums)
+        volume = [self.volume(rho) - 1] if self.limits_volume else []
+        return Evaluation(np.array(objectives), np.array([*volume, *others]), rho, found, filtered)
 
     def gradient(self, evaluation: Evaluation) -> tuple[Array, Array]:
-        """Derivatives by the design: df0 = H^T dJ/drho (a,) and dg (1, a); no further factorisation.
+        """Derivatives by the design: df0 = H^T dJ/drho (n,), (k, n) of k objectives, and dg (m, n); no further
+        factorisation.
 
         Raises InvalidScene where a p-norm of q p < 1 has none: a design of zeros over the reach of the filter.
         """
-        d_rho = self.density_gradient(evaluation)
-        if self.filtered == "density":
-            return finite_gradient(self.H.T @ d_rho, self.objective), self.volume_gradient
+        if self.filtered == "sensitivity":
+            return self._averaged(evaluation)
+        objectives, others = (
+            [
+                finite_gradient(self.pull_back(evaluation.filtered, self._by_density(each, evaluation)), each.criterion)
+                for each in sums
+            ]
+            for sums in self.sums
+        )
+        dg = [self.volume_gradient(evaluation.filtered)] if self.limits_volume else []
+        return objectives[0] if len(objectives) == 1 else np.stack(objectives), np.vstack([*dg, *others])
+
+    def _averaged(self, evaluation: Evaluation) -> tuple[Array, Array]:
         active = self.space.active
-        x = evaluation.rho[active]
-        by_density = finite_gradient(d_rho[active], self.objective)
+        x, d_rho = evaluation.rho[active], self.density_gradient(evaluation)
+        by_density = finite_gradient(d_rho[active], self.sums[0][0].criterion)
         averaged = self.H[active] @ (x * by_density) / np.maximum(SENSITIVITY_FLOOR, x)
-        return averaged, self.model.area[active][None] / self._volume_bound
+        return averaged, self.model.area[active][None] / self.volume_bound
 
     def density_gradient(self, evaluation: Evaluation) -> Array:
         """dJ/drho (e,) by the physical densities: explicit part - dE/drho lambda_e . k_e u_e; one solve for stress.
 
-        From above at a density of zero, where a p-norm's may be infinite.
+        From above at a density of zero, where a p-norm's may be infinite. Of several objectives, that of the largest.
         """
-        rho, state = evaluation.rho, evaluation.state
-        by = self.functional.derivative(rho, state.u)
-        found = adjoint(state, by)
-        by_rho = simp(rho, self.model.body.material, self.design)[1] * moduli_gradient(self.model, state, found)
-        by_load = load_gradient(self.model, state, by, found)
-        by_rho = by_rho if by_load is None else by_rho + by_load
-        return by_rho if by.rho is None else by.rho + by_rho
+        return self._by_density(self.sums[0][int(np.argmax(evaluation.objectives))], evaluation)
+
+    def _by_density(self, of: Sum, evaluation: Evaluation) -> Array:
+        rho = evaluation.rho
+        slope = simp(rho, self.model.body.material, self.design)[1]
+        total = np.zeros_like(rho)
+        for factor, functional, case in of.parts:
+            model, state = self.models[case], evaluation.states[case]
+            by = functional.derivative(model, rho, state.u)
+            explicit = 0.0 if by.rho is None else by.rho
+            if by.u is not None or by.work != 0:
+                found = adjoint(state, by)
+                by_load = load_gradient(model, state, by, found)
+                explicit = explicit if by_load is None else explicit + by_load
+                explicit = explicit + slope * moduli_gradient(model, state, found)
+            total = total + factor * explicit
+        return total
 
 
 def _check_loads(model: FemModel, void: Mask) -> None:
@@ -246,12 +269,22 @@ def design_problem(
     each density as for each material point, or at the Gauss points, averaged in the p-norm; every element counts once,
     whatever its size. Raises as `discretise` and `DesignProblem`.
     """
-    if scene.cases or scene.constraints or not isinstance(scene.objective, Compliance | PNormStress):
-        raise InvalidScene("finite elements know one load case, compliance or p-norm, and the volume constraint")
-    if scene.design.projection is not None or scene.design.symmetry:
-        raise InvalidScene("finite elements know neither projection nor symmetry")
     model = discretise(scene.body, size, order, mesh=mesh)
-    return DesignProblem(model, scene.design, scene.objective, stress_at, filter_passive, filtered)
+    return DesignProblem(
+        model, scene.design, scene.objective, stress_at, filter_passive, filtered, scene.constraints, scene.cases
+    )
+
+
+def told(stated: Any) -> str:
+    """What is stated, in words that are the same in every session: of what is no number, word, tuple or dataclass, a
+    function or an object of its own class, the class alone."""
+    if is_dataclass(stated):
+        return f"{type(stated).__name__}({', '.join(told(getattr(stated, part.name)) for part in fields(stated))})"
+    if isinstance(stated, tuple):
+        return f"({', '.join(map(told, stated))})"
+    if isinstance(stated, int | float | np.number):
+        return repr(float(stated))
+    return stated if isinstance(stated, str) else type(stated).__name__
 
 
 def simp(rho: Array, material: Material, design: Design) -> tuple[Array, Array]:

@@ -18,8 +18,9 @@ from mpmtop.errors import EmptyDomain, InvalidScene, LoadOutsideBody, NotConverg
 from mpmtop.loads import PointLoad, PositionLoad
 from mpmtop.region import Rectangle
 from reference_fem import elasticity, factorise
+from reference_fem.adjoint import unit_work
 from reference_fem.boundary import nodal_forces
-from reference_fem.elasticity import discretise, gauss_points, solve, stress, unit_work, von_mises
+from reference_fem.elasticity import discretise, gauss_points, solve, stress, von_mises
 from reference_fem.mesh import lattice, vector_basis
 from tests.reference_fem.bodies import LEFT, FixedPositions, LShape, Plane, cantilever, densities
 from validation.bodies.scenes import changed

@@ -5,8 +5,8 @@ import pytest
 
 from mpmtop.arrays import Array
 from mpmtop.body import Material
+from reference_fem.adjoint import unit_work
 from reference_fem.design import density_filter
-from reference_fem.elasticity import unit_work
 from reference_fem.simp import DesignProblem, Evaluation, design_problem, simp
 from tests.reference_fem.bodies import cantilever, densities, mbb
 from validation.bodies.scenes import changed

@@ -11,6 +11,7 @@ from skfem.helpers import dot
 import mpmtop
 from mpmtop.arrays import Array, Index
 from reference_fem import elasticity
+from reference_fem.adjoint import unit_work
 from reference_fem.elasticity import FemModel
 from validation.methods.protocol import Answer, Capability, Case
 
@@ -42,7 +43,7 @@ class ElementMethod:
     def gradient(self, case: Case) -> Array:
         """-u_e . k_e u_e (e,); see `Analyses`."""
         model, _, u, element = self._solved(case)
-        return -elasticity.unit_work(model, u, u)[element]
+        return -unit_work(model, u, u)[element]
 
     def _solved(self, case: Case) -> tuple[FemModel, Array, Array, Index]:
         """Model, load vector f (N,), displacements u (N,), and the element (p,) of each point."""

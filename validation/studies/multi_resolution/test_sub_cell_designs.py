@@ -13,7 +13,7 @@ from matplotlib.patches import Rectangle
 from mpmtop.arrays import Array
 from mpmtop.points import seed
 from mpmtop.shape_functions import tent
-from reference_fem.elasticity import unit_work
+from reference_fem.adjoint import unit_work
 from reference_fem.reanalyse import Judge, build_judge
 from reference_fem.simp import simp
 from validation.bodies.scenes import H, changed, distributed_load
