@@ -1,10 +1,9 @@
 """L-bracket (Figs. 10, 11)
 
-Stress without cell crossing. An L-bracket of two arms 20h wide in a 50h square, clamped at the top, with a force on
-the corner of the lower arm: 6,400 material points, 1,600 cells. The p-norm (p = 12) of the relaxed von Mises stress
-rho^q vm (q = 0.5) is minimised at 40 % of the volume. Units: h = F = E0 = 1, so stress is in F/h. **Our choices**:
-filter radius 1h = 2 point spacings, `rho_min` = 1e-3, E_min = 1e-9 E0, and vm is the stress of solid material under
-the local strain (the paper does not say which modulus), sigma_zz of plane strain included.
+Stress without cell crossing. An L-bracket of two arms, clamped at the top, with a force on the corner of the lower arm;
+the p-norm of the relaxed von Mises stress rho^q vm is minimised. Units: h = F = E0 = 1, so stress is in F/h. **Our
+choices**, beside those in the table above: vm is the stress of solid material under the local strain (the paper does
+not say which modulus), sigma_zz of plane strain included.
 
 The optimiser is GCMMA with its conservative inner loop, move limit 0.3, its curvature warm-started, which gets
 further with the same solves; the section on update rules shows the others. The **fine reference** is the

@@ -28,6 +28,7 @@ from validation.harness.report import Report
 from validation.measures.drawing import draw_design, draw_points
 from validation.measures.timing import cpu_seconds, iteration
 from validation.methods.analyser import Analyser, Optimisation, material_points, no_stress
+from validation.methods.judging import UNCERTAIN, own_error
 from validation.studies.multi_resolution.resolutions import (
     COARSE,
     RTOL_OPTIMUM,
@@ -135,6 +136,12 @@ def test_resolutions(
         + ", ".join(f"{value:.2f} ({name})" for name, value in fine.items())
         + f": {rows['high']['points']:,} points give {'more' if fine['high'] < fine['FEM, low'] else 'no more'} than "
         f"{rows['FEM, low']['points']:,} elements."
+    )
+    report.check(
+        "the judge's own error: true compliance of the design of FEM, low, with elements twice as wide",
+        own_error(distributed_load(), runs["FEM, low"].design, fine["FEM, low"], split=1),
+        source=UNCERTAIN,
+        unit="%",
     )
     draw_designs(report, runs)
     lock(

@@ -237,7 +237,7 @@ def test_parameters(report: Report) -> None:
     Filter radius from 1e-9 h to 1000 h, volume fraction from 1e-3 to 1: five steps of GCMMA stay feasible and do not
     rise. Inputs outside their ranges, NaN and infinity among them, are refused.
     """
-    assert tabulate(report, "parameters", outcomes("Parameters"), "Parameters: cases and outcomes.")
+    assert tabulate(report, "parameter_cases", outcomes("Parameters"), "Parameters: cases and outcomes.")
 
 
 @pytest.mark.slow

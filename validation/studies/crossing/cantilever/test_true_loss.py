@@ -6,11 +6,13 @@ import pytest
 from reference_fem.reanalyse import Judge
 from validation import paper
 from validation.bodies.crossing import Crossing, moved
+from validation.bodies.scenes import cantilever
 from validation.bodies.sliced_beam import beam_rises
 from validation.harness.lock import Lock
 from validation.harness.report import Report
 from validation.harness.show import changed
 from validation.methods.analyser import Analyser, Optimisation
+from validation.methods.judging import UNCERTAIN, own_error
 from validation.paper import compare, under_a_pattern
 from validation.studies.crossing.cantilever.calibration import NAMES, REPRODUCTION, RTOL_OPTIMUM, Calibration
 
@@ -52,6 +54,14 @@ def test_true_loss(
         4,
     )
     crossing = str(calibrations[REPRODUCTION].crossing)
+    crossed = runs[REPRODUCTION, "standard"].design
+    judged = rows[crossing, "standard"]["compliance, fine reference"]
+    report.check(
+        f"the judge's own error: true compliance of standard MPM's design, {crossing}, with elements half as wide",
+        own_error(cantilever(), crossed, judged),
+        source=UNCERTAIN,
+        unit="%",
+    )
     standard, gimp = rows[crossing, "standard"], rows[crossing, "GIMP"]
     holds = [
         report.check(
