@@ -47,7 +47,7 @@ CROSSED: dict[str, Builder] = {
     "quadratic B-spline, crossed": material_points(bspline2, "quadratic B-spline", CROSSING),
 }
 OF_THE_PAPER = (MPM, "standard, crossed", "GIMP, crossed")
-"""Methods on the second cantilever."""
+"""Methods whose optima it states; on the second cantilever no others."""
 BRACKET = "L-bracket"
 CANTILEVERS = tuple(f"cantilever, {base.load}" for base in BASES)
 HOLE = "cantilever with a hole"

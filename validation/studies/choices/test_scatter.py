@@ -8,7 +8,7 @@ from validation import paper
 from validation.harness.lock import Lock
 from validation.harness.report import Report
 from validation.studies.choices import hole, scatter
-from validation.studies.choices.scatter import FINER, GRID, MPM, SEEDED, Case
+from validation.studies.choices.scatter import FINER, GRID, MPM, OF_THE_PAPER, SEEDED, Case
 
 pytestmark = pytest.mark.filterwarnings("ignore::mpmtop.diagnose.ModelWarning")
 
@@ -23,8 +23,9 @@ def test_scatter(report: Report, lock: Lock, cases: str) -> None:
     """What rule and start make of every optimum that is compared, and elements with as many unknowns
 
     Every optimum that a study compares, from two starts (uniform, and cosines), compliances by two rules (a
-    conservative one, and one without an inner loop). Largest over least is the optimum's **scatter**, and no claim on
-    it is held to less: `OPTIMUM_SCATTER` in `validation/paper.py` holds the tolerances, which are checked here.
+    conservative one, and one without an inner loop). Largest over least is the optimum's **scatter**, and no claim of
+    the paper on it is held to less: `OPTIMUM_SCATTER` in `validation/paper.py` holds the tolerances, which are checked
+    here for the methods that the paper has.
 
     Is it the material points that make a design, or merely their coarse displacements? **Elements of the grid** are
     bilinear elements of MPM's cells with its four densities in each, integrated exactly: as many unknowns, the same
@@ -35,10 +36,11 @@ def test_scatter(report: Report, lock: Lock, cases: str) -> None:
     caption = "Optima over starts and rules, own analysis and fine reference; spread: largest over least, less one."
     report.table(f"scatter_{cases}", table, caption, 4, percent=[c for c in table.columns if "spread" in c])
     for body, rows in table.groupby(level="body", sort=False):
+        claimed = rows[rows.index.isin(OF_THE_PAPER, level="method")]
+        names = ", ".join(claimed.index.get_level_values("method"))
         report.check(
-            f"scatter of the optimum over rules and starts, largest of {len(rows)} methods: {cases.replace('_', ', ')}"
-            f", {body}",
-            float(rows["own: spread"].max()),
+            f"scatter of the optimum over rules and starts, {body}, largest of {names}",
+            float(claimed["own: spread"].max()),
             at_most=paper.OPTIMUM_SCATTER[str(body)],
             source="tolerance of every claim on it",
             unit="%",
@@ -48,13 +50,14 @@ def test_scatter(report: Report, lock: Lock, cases: str) -> None:
     if "largest stress: spread" in table:
         report.check(
             f"scatter of the largest stress over starts, {cases.replace('_', ', ')}",
-            float(table["largest stress: spread"].max()),
+            float(claimed["largest stress: spread"].max()),
             at_most=paper.STRESS_SCATTER,
             source="tolerance of every claim on it",
             unit="%",
         )
     rtol = RTOL_STRESS if "bracket" in cases else RTOL_COMPLIANCE
-    lock({", ".join(case): float(table["own: mean"][case]) for case in found}, rtol=rtol)
+    kept = [case for case in found if case.method in {*SEEDED, *OF_THE_PAPER}]  # others may end anywhere near
+    lock({", ".join(case): float(table["own: mean"][case]) for case in kept}, rtol=rtol)
 
 
 def compare_methods(report: Report, rows: pd.DataFrame, body: str) -> None:

@@ -19,8 +19,9 @@ NAME = "quadratic B-spline"
 def test_bspline(report: Report, lock: Lock, analysers: dict[str, Analyser], judge: Judge) -> None:
     """Quadratic B-splines, optimised with crossing
 
-    As above: the same points, start, filter and rule, by functions that the paper does not have. Its own p-norm and
-    that on the fine reference, one biquadratic element for each point.
+    As above: the same points, uniform start, filter and rule, by functions that the paper does not have. Its own p-norm
+    and that on the fine reference, one biquadratic element for each point. Another start ends elsewhere: see the
+    scatter of optima on the page of open choices.
     """
     run = optimise(NAME, CROSSING)
     rho = run.design.at(analysers["FEM"].x)

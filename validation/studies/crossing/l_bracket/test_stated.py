@@ -41,7 +41,10 @@ def test_numbers_of_the_paper(report: Report, analysers: dict[str, Analyser], ru
             for name in ("standard", "GIMP")
         )
     )
-    share = "5 % of it: the force is fitted to one stress, and peaks of a p-norm optimum are even to about that"
+    share = (
+        f"{paper.STRESS_SCATTER:.0%} of it: the force is fitted to one stress, and rule and start make as much (study "
+        "of open choices)"
+    )
     compare(
         report,
         (
@@ -66,7 +69,7 @@ def test_numbers_of_the_paper(report: Report, analysers: dict[str, Analyser], ru
                 stated["standard"][0],
                 scale * before["standard"],
                 force,
-                0.05,
+                paper.STRESS_SCATTER,
                 share,
             ),
             *(
@@ -75,7 +78,7 @@ def test_numbers_of_the_paper(report: Report, analysers: dict[str, Analyser], ru
                     stated[name][1],
                     scale * after[name],
                     force,
-                    0.05,
+                    paper.STRESS_SCATTER,
                     share,
                     measure,
                 )
