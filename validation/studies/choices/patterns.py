@@ -117,7 +117,9 @@ def draw(report: Report, found: Patterns) -> None:
         ax.set(xlabel="optimum, standard", ylabel="optimum, GIMP", title=said(base), xlim=(80, 112), ylim=(80, 112))
     figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=5)
     report.figure(
-        "patterns", figure, "Tips and optima of all members; beyond the frame: uniform shifts of 0.6 and more."
+        "patterns",
+        figure,
+        "Tips and optima of all members; beyond the frame on the left: uniform shifts of 0.7 h and more.",
     )
 
 

@@ -93,13 +93,14 @@ def test_patterns(report: Report, lock: Lock) -> None:
 
     Tip displacements and optima, standard and GIMP, of every member of every family on both cantilevers: the study's
     own, and the second one, which comes as near to 83.57. **None is picked by what comes out**: the claims below are of
-    the member of each family whose tip by standard MPM is nearest to 13.8 %, as in the study of crossing; the rest of
-    the table says what else there is. An optimum counts as met within its own scatter over rules and starts.
+    the second cantilever and of the member of each family whose tip by standard MPM is nearest to 13.8 %, as the study
+    of crossing has them for the first; the rest of the table says what else there is. An optimum counts as met within
+    its own scatter over rules and starts, which on the second cantilever is wide.
     """
     found, still = patterns.computed(BASES)
     patterns.tabulate(report, found, still)
     patterns.draw(report, found)
-    for base in BASES:
+    for base in BASES[1:]:  # those of the first are claims of the study of crossing
         for family in FAMILIES:
             compare_calibrated(report, found, base, family, still[base])
     for base in BASES:

@@ -8,6 +8,7 @@ from validation import paper
 from validation.harness.lock import Lock
 from validation.harness.report import Report
 from validation.studies.choices import hole, scatter
+from validation.studies.choices.hole import ITERATIONS_OVER
 from validation.studies.choices.scatter import FINER, GRID, MPM, OF_THE_PAPER, SEEDED, Case
 
 pytestmark = pytest.mark.filterwarnings("ignore::mpmtop.diagnose.ModelWarning")
@@ -87,6 +88,14 @@ def test_holes(report: Report, lock: Lock) -> None:
     table = hole.tabulated(runs)
     percent = ["difference of compliance"]
     report.table("holes", table, "Case 2 by reading, radius and rule, over case 1 of the same.", 3, percent=percent)
+    slower = table[table["slower"] == "yes"]
+    nearest = (slower["difference of compliance"].abs() - paper.HOLE_DIFFERENCE.value).abs().idxmin()
+    reading, radius, rule = nearest
+    report.found(
+        f"Hole: of the pairs in which case 2 is slower, zero density “{reading}” at radius {radius:g} by {rule} is "
+        f"nearest to the paper's 1.4 %: {slower['difference of compliance'][nearest]:+.2%}, "
+        f"{slower[ITERATIONS_OVER][nearest]:.2f} times the iterations."
+    )
     both = table[(table["within 1.4 %"] == "yes") & (table["slower"] == "yes")]
     allowed = paper.HOLE_DIFFERENCE.value + paper.OPTIMUM_SCATTER[scatter.HOLE]
     near = table[(table["difference of compliance"].abs() <= allowed) & (table["slower"] == "yes")]
@@ -111,13 +120,14 @@ def test_holes(report: Report, lock: Lock) -> None:
             reason=f"this reading changes the problem: from {of['difference of compliance'].min():+.1%} to "
             f"{of['difference of compliance'].max():+.1%} over radii and rules",
         )
+        ratio = of[ITERATIONS_OVER]
         report.check(
-            f"iterations over those of case 1, median over radii and rules; zero density: {reading}",
-            float(of["iterations over case 1's"].median()),
-            at_least=1.0,
+            f"share of the {len(of)} pairs in which case 2 takes more iterations; zero density: {reading}",
+            float((of["slower"] == "yes").mean()),
+            at_least=0.5,
             source=paper.HOLE_SLOWER,
-            why="the direction",
-            reason="both cases are one problem to E_min",
+            why="more often than not",
+            reason=f"iterations over those of case 1 are {ratio.min():.2g} to {ratio.max():.2g} over radii and rules",
         )
     means = {reading: [run.final for c, run in runs.items() if c.reading == reading] for reading in hole.CASES}
     lock({f"{reading}: mean": float(np.mean(values)) for reading, values in means.items()}, rtol=RTOL_COMPLIANCE)
