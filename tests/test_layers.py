@@ -95,7 +95,7 @@ ROOMS: dict[str, set[str]] = {
     "codes": {"methods", "bodies"},
     "studies": {"harness", "paper", "measures", "oracles", "bodies", "methods", "codes"},
     "conftest": {"harness"},
-    "__main__": {"harness", "contents"},
+    "__main__": {"harness", "contents", "codes"},
 }
 """What a room of `validation` may import besides itself, and either solver, but for those that know no mechanics."""
 KNOW_NO_MECHANICS = {"__main__", "contents", "harness", "paper", "conftest"}

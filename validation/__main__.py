@@ -3,6 +3,9 @@
 `python -m validation pages [DIR]`: the pages of a report anew from its stores, no study runs.
 
 `python -m validation readme`: the findings of `reports/` into README.md.
+`python -m validation cases DIR`: all that a code is asked, as files.
+
+`python -m validation adapter NAME`: a class to begin with, in NAME.py.
 """
 
 import argparse
@@ -10,6 +13,9 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from validation.codes.adapter import NoAdapter, write_template
+from validation.codes.checks import every
+from validation.codes.files import write_cases
 from validation.contents import CONTENTS
 from validation.harness.claims import Tally
 from validation.harness.diff import compare
@@ -57,7 +63,22 @@ def main(arguments: Sequence[str] | None = None) -> int:
     commands.add_parser("readme", help="write the findings of reports/ into README.md")
     pages = commands.add_parser("pages", help="write the pages of a report anew from its stores")
     pages.add_argument("folder", type=Path, nargs="?", default=ROOT / "reports", help="default: reports")
+    cases = commands.add_parser("cases", help="write all that a code is asked, as files")
+    cases.add_argument("folder", type=Path)
+    adapter = commands.add_parser("adapter", help="write NAME.py, an adapter to fill in")
+    adapter.add_argument("name")
     given = parser.parse_args(arguments)
+    if given.command == "cases":
+        print(
+            f"{given.folder}: {write_cases(given.folder, every())} cases, and SCHEMA.md, which says how to answer them"
+        )
+        return 0
+    if given.command == "adapter":
+        try:
+            print(f"{write_template(given.name)}: fill it in, then pytest validation --code {given.name}.py:Code")
+        except NoAdapter as error:
+            parser.error(str(error))
+        return 0
     if given.command == "pages":
         republish(given.folder, CONTENTS)
         return 0

@@ -18,6 +18,48 @@ from mpmtop.grid import Grid
 from validation.codes.answers import Misanswered
 from validation.methods.protocol import Answer, Capability, Case, Shape
 
+TEMPLATE = '''"""An adapter: pytest validation --code {name}.py:Code"""
+
+import numpy as np
+
+
+class Code:
+    name = "{name}"
+    version = ""
+    accuracy = 0.0  # relative error that iterations or damping leave in an answer; 0 for rounding
+    capabilities = {{
+        "analysis",
+        # take away what your code cannot do: it is then not asked for it
+        "quadrature at points",  # stress at points, by their volumes, makes the internal force
+        "points anywhere",
+        "moduli by point",
+        "body forces",
+        "prescribed displacements",
+        # "loads at positions", "plane stress", "any outline", "gradient", "shape functions",
+    }}
+
+    def analyse(self, case):
+        """(u, stress): displacement (p, 2) and stress (p, 3), xx, yy, xy, at the points in their order."""
+        points, grid, material = case.points, case.grid, case.body.material
+        points.x, points.volume, points.half_length  # (p, 2), (p,), (p, 2): half the sides of the domains
+        grid.origin, grid.h, grid.cells  # node (i, j) is at origin + (i, j) h
+        material.poisson, material.plane, case.moduli  # "strain" or "stress"; Young's modulus (p,) by point
+        case.carried  # (p, 2) force on each point, body force included
+        case.held.node, case.held.fixed, case.held.value  # (m, 2) each: indices (i, j), which components, where
+        u, stress = np.zeros((len(points.x), 2)), np.zeros((len(points.x), 3))
+        return u, stress
+'''
+
+
+def write_template(name: str) -> Path:
+    """NAME.py in the working folder; NoAdapter if it is there, or no name of a module."""
+    path = Path(f"{name}.py")
+    if not name.isidentifier() or path.exists():
+        raise NoAdapter(f"{path}: {'it is there already' if path.exists() else 'no name of a Python module'}")
+    path.write_text(TEMPLATE.format(name=name), "utf-8")
+    return path
+
+
 WAYS = {"analysis": "analyse", "gradient": "gradient", "shape functions": "shape", "load steps": "steps"}
 """The method of each way in."""
 
@@ -68,7 +110,7 @@ def _capabilities(code: Any) -> frozenset[Capability]:
     return frozenset(stated)
 
 
-def load(named: str) -> Adapter:
+def load_class(named: str) -> Adapter:
     """The adapter named FILE.py:CLASS or module:CLASS. NoAdapter if there is none."""
     place, _, name = named.rpartition(":")
     if not place or not name.isidentifier():

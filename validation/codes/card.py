@@ -11,8 +11,8 @@ Verdict = Literal["passes", "fails", "reported", "not supported", "not stated"]
 
 
 class Observed(NamedTuple):
-    """A number, NaN if none was stated; where the worst of it is; the `kind` of fault that it is the mark of, if one is
-    recognised."""
+    """A number, where the worst of it is, and the `kind` of fault that it is the mark of, if one is recognised: with a
+    question mark where it may be of others, too."""
 
     value: float
     where: str = ""
@@ -79,8 +79,9 @@ class Card:
 
     @property
     def kinds(self) -> list[str]:
-        """Kinds of fault that failures were recognised as, once each."""
-        return list(dict.fromkeys(row.kind for row in self.rows if row.verdict == "fails" and row.kind))
+        """Kinds of fault that failures were recognised as, once each; guesses only where no kind is sure."""
+        kinds = list(dict.fromkeys(row.kind for row in self.rows if row.verdict == "fails" and row.kind))
+        return [kind for kind in kinds if not kind.endswith("?")] or kinds
 
     def of(self, verdict: Verdict) -> list[Row]:
         """Rows of one verdict."""

@@ -7,13 +7,15 @@ from typing import NamedTuple
 
 import pytest
 
-OPTION = "--code"
+OPTION, TIMEOUT = "--code", "--code-timeout"
 
 
 class Asked(NamedTuple):
-    """Codes named on the command line, the folder of kept scorecards, and of which run a new one is."""
+    """Codes named on the command line, seconds that a command may take for a case, the folder of kept scorecards, and
+    of which run a new one is."""
 
     codes: tuple[str, ...]
+    timeout: float
     folder: Path
     when: str
     machine: str
@@ -34,4 +36,5 @@ def asked(request: pytest.FixtureRequest) -> Asked:
     reports = Path(config.getoption("--reports", None) or config.rootpath / "reports").absolute()
     machine = f"{platform.system()} {platform.machine()}"
     today = datetime.now(UTC).date().isoformat()
-    return Asked(tuple(config.getoption(OPTION, None) or ()), reports / "data" / "codes", today, machine)
+    named, seconds = tuple(config.getoption(OPTION, None) or ()), float(config.getoption(TIMEOUT, 60.0))
+    return Asked(named, seconds, reports / "data" / "codes", today, machine)

@@ -88,8 +88,9 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         asked.OPTION,
         action="append",
         metavar="CODE",
-        help="put a code through all checks, and run nothing else: FILE.py:CLASS; may be given again",
+        help="put a code through all checks, and run nothing else; may be given again: see validation/codes/README.md",
     )
+    parser.addoption(asked.TIMEOUT, type=float, default=60.0, metavar="S", help="seconds for a case by a command (60)")
 
 
 def pytest_configure(config: pytest.Config) -> None:

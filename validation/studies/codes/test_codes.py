@@ -2,17 +2,17 @@
 
 Every code is asked the same checks: of its shape functions, of an analysis, of a gradient, as far as it is capable of
 them. Bounds are set by what must hold, with the reason beside each, and were set before any code was run. Another
-person's code is put through by `pytest validation --code FILE.py:CLASS`; what it answered is kept here with date,
-version and machine. What fails there is a result: it fails no run.
+person's code is put through by `pytest validation --code`, see validation/codes/README.md; what it answered is kept
+with date, version and machine. What fails there is a result: it fails no run.
 """
 
 import pandas as pd
 import pytest
 
-from validation.codes.adapter import load
 from validation.codes.card import Card, Check, scorecard
 from validation.codes.checks import every
 from validation.codes.kept import Kept, cell, kept, matrix, read, write
+from validation.codes.named import code
 from validation.harness.asked import Asked
 from validation.harness.report import Report
 from validation.methods.analyser import SHAPE_FUNCTIONS
@@ -48,7 +48,7 @@ def test_our_codes(report: Report) -> None:
     Material points with each shape function, the finite element reference, and a plain scikit-fem analysis.
     """
     checks = every()
-    cards: list[Card] = [scorecard(code, checks) for code in ours()]
+    cards: list[Card] = [scorecard(method, checks) for method in ours()]
     report.table("checks", grounds(checks), "What is asked, why it must hold, and what usually causes a failure.")
     report.table(
         "ours", shown([kept(card, "", "") for card in cards]), "Verdicts; numbers where they tell more than that."
@@ -79,10 +79,10 @@ def test_other_codes(report: Report, asked: Asked) -> None:
     One scorecard for each, of the run that is named there.
     """
     for named in asked.codes:
-        write(asked.folder, kept(scorecard(load(named), every()), asked.when, asked.machine))
+        write(asked.folder, kept(scorecard(code(named, asked.timeout), every()), asked.when, asked.machine))
     cards = read(asked.folder)
     if not cards:
-        pytest.skip("no other code has been put through: --code FILE.py:CLASS")
+        pytest.skip("no other code has been put through: --code")
     for k, card in enumerate(cards):
         report.text(f"**{card.code}**, {card.version}, on {card.when} ({card.machine}): {card.verdict}.")
         rows = [

@@ -1,0 +1,156 @@
+"""Connecting a code in Python: the adapter of the docs works, the template is one, and what is none is refused."""
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mpmtop.shape_functions import tent
+from validation.__main__ import main
+from validation.codes import cases, kept
+from validation.codes.adapter import Adapter, NoAdapter, load_class
+from validation.codes.answers import Misanswered
+from validation.codes.card import scorecard
+from validation.codes.checks import every
+from validation.codes.named import code
+from validation.methods.points import PointMethod
+from validation.methods.protocol import Answer
+
+HERE = Path(__file__).parent
+ROOT = HERE.parents[1]
+QUICK = ["rigid motion, uniform points", "mean stress, loads on points", "two layers, stretched", "plane stress"]
+
+
+def quick():  # type: ignore[no-untyped-def]
+    return [check for check in every() if check.way == "analysis" and check.name in QUICK]
+
+
+def test_the_adapter_in_the_docs_connects_a_small_code(tmp_path: Path) -> None:
+    """Twenty lines; the code of sixty has habits of its own, and the answers are our tent's."""
+    text = (ROOT / "validation" / "codes" / "README.md").read_text().split("```python\n")[1].split("```")[0]
+    assert len([line for line in text.splitlines() if line]) <= 22
+    (tmp_path / "small_mpm.py").write_text((HERE / "small_mpm.py").read_text())
+    (tmp_path / "my_adapter.py").write_text(text)
+    small = code(f"{tmp_path}/my_adapter.py:SmallMPM")
+    card = scorecard(small, quick())
+    assert [row.verdict for row in card.rows] == ["passes", "passes", "passes", "not supported"]
+    case = cases.under_weight("uneven", cases.uneven((12, 6)))
+    theirs, ours = small.analyse(case), PointMethod("tent", tent).analyse(case)
+    np.testing.assert_allclose(theirs.u, ours.u, atol=1e-11 * np.abs(ours.u).max())
+    np.testing.assert_allclose(theirs.stress, ours.stress, atol=1e-11 * np.abs(ours.stress).max())
+
+
+def test_the_template_is_an_adapter(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys) -> None:  # type: ignore[no-untyped-def]
+    """As it is written it loads and answers zeros, which fail."""
+    monkeypatch.chdir(tmp_path)
+    assert main(["adapter", "mine"]) == 0 and "--code mine.py:Code" in capsys.readouterr().out
+    card = scorecard(code("mine.py:Code"), quick())
+    assert card.code == "mine" and len(card.of("fails")) == 3
+    for name in ("mine", "not a name"):
+        with pytest.raises(SystemExit):
+            main(["adapter", name])
+
+
+class Bare:
+    def analyse(self, case):  # type: ignore[no-untyped-def]
+        return None
+
+
+@pytest.mark.parametrize(
+    ("stated", "said"),
+    [
+        (None, "has no set of `capabilities`"),
+        ("analysis", "has no set of `capabilities`"),
+        ({"analysis", "magic"}, r"\['magic'\] are no capabilities; there are"),
+        ({"analysis", "gradient"}, "states 'gradient' and has no method `gradient`"),
+    ],
+)
+def test_what_is_no_adapter_is_refused(stated: object, said: str) -> None:
+    with pytest.raises(NoAdapter, match=said):
+        Adapter(type("Theirs", (Bare,), {"capabilities": stated})())
+
+
+def test_names_of_codes(tmp_path: Path) -> None:
+    (tmp_path / "a.py").write_text("x = 1\n")
+    for named, said in (
+        ("a.py", "name a class"),
+        (f"{tmp_path}/b.py:B", "there is no file"),
+        (f"{tmp_path}/a.py:B", "has no B"),
+        ("no_such_module:B", "No module named"),
+        (str(tmp_path), "has to say there what it is capable of"),
+    ):
+        with pytest.raises(NoAdapter, match=re.escape(said)):
+            code(named)
+    with pytest.raises(NoAdapter, match="name a class"):
+        load_class("nothing")
+
+
+def test_answers_of_an_adapter() -> None:
+    """Two or three parts, or an `Answer`; anything else is named, and fails its row."""
+    case = cases.cantilever("cantilever")
+    zeros = np.zeros((288, 2)), np.zeros((288, 3))
+
+    def answering(answer):  # type: ignore[no-untyped-def]
+        methods = {"capabilities": {"analysis"}, "analyse": lambda self, case: answer}
+        return Adapter(type("Theirs", (), methods)())
+
+    assert answering((*zeros, 2.0)).analyse(case).compliance == 2.0
+    assert answering(Answer(zeros[0])).analyse(case).stress is None
+    with pytest.raises(Misanswered, match="gave NoneType: give"):
+        answering(None).analyse(case)
+    check = quick()[1]
+    for answer, said in (
+        ((zeros[0][1:], zeros[1]), r"displacements of cantilever are \(287, 2\): give \(288, 2\)"),
+        ((zeros[0] * np.nan, zeros[1]), "288 of 288 displacements of cantilever are not finite"),
+        ((zeros[0], zeros[0]), r"stresses of cantilever are \(288, 2\)"),
+    ):
+        row = scorecard(answering(answer), [check]).rows[0]
+        assert row.verdict == "fails" and re.search(said, row.where)
+
+
+def test_the_accuracy_that_a_code_states_counts_for_identities_only() -> None:
+    exact, order = quick()[1], next(check for check in every() if check.name == "refinement of the grid")
+    rough = type("Rough", (), {"accuracy": 1e-3})()
+    assert exact.of(rough).at_most == 1e-3 and "states" in exact.of(rough).why
+    assert order.of(rough) is order and exact.of(object()) is exact
+
+
+def test_scorecards_are_kept(tmp_path: Path) -> None:
+    """To six digits, infinite ones too; one for each code; a file that is none is named."""
+    card = scorecard(PointMethod("my GIMP!", tent), quick())
+    path = kept.write(tmp_path, kept.kept(card, "2024-01-31", "Linux"))
+    kept.write(tmp_path, kept.kept(card, "2024-02-01", "Linux"))
+    (found,) = kept.read(tmp_path)
+    assert path.name == "my_gimp.json" and found.when == "2024-02-01" and found.verdict == "4 of 4 checks pass"
+    assert kept.matrix([found])["analysis: plane stress"] == {"my GIMP!": "passes"}
+    (tmp_path / "other.json").write_text('{"rows": []}')
+    with pytest.raises(ValueError, match=r"other\.json is no scorecard"):
+        kept.read(tmp_path)
+
+
+@pytest.mark.slow
+def test_a_failing_code_fails_its_page_and_not_the_run(tmp_path: Path) -> None:
+    """By the command of the docs: nothing else runs, and the page says what failed."""
+    (tmp_path / "bad.py").write_text(
+        "class Bad:\n    capabilities = {'analysis'}\n"
+        "    def analyse(self, case):\n        raise MemoryError('too large')\n"
+    )
+    words = [
+        "-q",
+        "-p",
+        "no:cacheprovider",
+        "validation",
+        "--code",
+        f"{tmp_path}/bad.py:Bad",
+        "--reports",
+        str(tmp_path),
+    ]
+    ran = subprocess.run(
+        [sys.executable, "-m", "pytest", *words], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    assert ran.returncode == 0, ran.stdout[-2000:]
+    assert "1 passed" in ran.stdout
+    assert "MemoryError: too large" in (tmp_path / "codes.md").read_text()

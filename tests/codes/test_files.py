@@ -1,0 +1,269 @@
+"""Codes in files: what is written reads back, a driver in Octave answers, hostile answers are named and cost a row."""
+
+import json
+import shutil
+import sys
+import time
+from pathlib import Path
+
+import meshio
+import numpy as np
+import pytest
+
+from mpmtop.shape_functions import gimp, tent
+from validation.codes import cases
+from validation.codes.adapter import NoAdapter
+from validation.codes.answers import Misanswered, NotStated
+from validation.codes.card import Card, scorecard
+from validation.codes.checks import every
+from validation.codes.command import AnsweredFolder, CommandCode
+from validation.codes.files import folder_of, read_answer, read_functions, write_case, write_cases
+from validation.methods.points import PointMethod
+from validation.methods.protocol import Case
+
+HERE = Path(__file__).parent
+SOME = [
+    "rigid motion, uneven points",
+    "rigid motion, points on grid lines",
+    "patch test, uniform points",
+    "mean stress, loads on points",
+    "mean stress, loads at positions",
+    "two layers, stretched",
+    "plane stress",
+    "origin negative",
+    "energy balance, uneven points",
+    "compliance stated",
+    "self weight, points of unequal size",
+]
+
+
+def some(names: list[str] = SOME):  # type: ignore[no-untyped-def]
+    return [check for check in every() if check.way == "analysis" and check.name in names]
+
+
+def test_octave_drives_a_toy_mpm() -> None:
+    """Written for this test in another language: right by all that it can do, and with our tent's digits."""
+    octave = shutil.which("octave-cli")
+    if octave is None:
+        pytest.skip("octave-cli is not installed: the driver of this test is written in Octave")
+    code = CommandCode(f"{octave} --no-gui -q {HERE / 'toy_mpm.m'} {{case}} {{answer}}")
+    assert (code.name, code.version) == ("toy MPM", "1") and "loads at positions" not in code.capabilities
+    card = scorecard(code, some())
+    words = {row.check.name: row.verdict for row in card.rows}
+    assert words.pop("mean stress, loads at positions") == "not supported"
+    assert words.pop("compliance stated") == "not stated"
+    assert set(words.values()) == {"passes"}, card.of("fails")
+    case = cases.under_weight("uneven", cases.uneven((12, 6)))
+    theirs, ours = code.analyse(case), PointMethod("tent", tent).analyse(case)
+    np.testing.assert_allclose(theirs.u, ours.u, atol=1e-11 * np.abs(ours.u).max())
+    assert theirs.stress is not None and ours.stress is not None
+    np.testing.assert_allclose(theirs.stress, ours.stress, atol=1e-11 * np.abs(ours.stress).max())
+
+
+# --- a folder of answers ----------------------------------------------------------------------------------------------
+
+
+def answered(folder: Path, case: Case) -> None:
+    """Our tent's answer as a table."""
+    answer = PointMethod("tent", tent).analyse(case)
+    assert answer.stress is not None
+    rows = np.column_stack([np.arange(len(answer.u)), case.points.x, answer.u, answer.stress])
+    np.savetxt(folder / "answer.csv", rows, "%.17g", delimiter=",", header="point,x,y,ux,uy,sxx,syy,sxy", comments="")
+
+
+@pytest.fixture
+def asked(tmp_path: Path) -> tuple[Path, Case]:
+    """A case in its folder, answered rightly."""
+    case = cases.cantilever("cantilever")
+    folder = tmp_path / "cantilever"
+    write_case(folder, case)
+    answered(folder, case)
+    return folder, case
+
+
+def test_numbers_pass_through_files_to_the_last_bit(asked: tuple[Path, Case]) -> None:
+    folder, case = asked
+    table = np.genfromtxt(folder / "points.csv", delimiter=",", names=True)
+    assert np.array_equal(np.stack([table["x"], table["y"]], 1), case.points.x)
+    assert np.array_equal(np.stack([table["force_x"], table["force_y"]], 1), case.carried)
+    held = np.genfromtxt(folder / "held.csv", delimiter=",", names=True)
+    assert np.array_equal(held["i"], case.held.node[:, 0]) and np.array_equal(held["fixed_y"], case.held.fixed[:, 1])
+    said = json.loads((folder / "case.json").read_text())
+    assert said["grid"] == {"origin": [0, 0], "h": [1, 1], "cells": [16, 10]} and said["material"]["plane"] == "strain"
+    assert np.array_equal(meshio.read(folder / "points.vtu").points[:, :2], case.points.x)
+    answer, ours = read_answer(folder, case)[0], PointMethod("tent", tent).analyse(case)
+    assert np.array_equal(answer.u, ours.u) and np.array_equal(answer.stress, ours.stress)
+
+
+def test_an_answer_may_be_a_vtu(asked: tuple[Path, Case]) -> None:
+    folder, case = asked
+    expected = read_answer(folder, case)[0]
+    (folder / "answer.csv").unlink()
+    vertices = [("vertex", np.arange(len(case.moduli))[:, None])]
+    fields = {"displacement": np.pad(expected.u, ((0, 0), (0, 1))), "stress": expected.stress}
+    meshio.Mesh(np.pad(case.points.x, ((0, 0), (0, 1))), vertices, point_data=fields).write(folder / "answer.vtu")
+    found = read_answer(folder, case)[0]
+    assert np.array_equal(found.u, expected.u) and np.array_equal(found.stress, expected.stress)
+    (folder / "answer.vtu").write_text("nothing of the kind")
+    with pytest.raises(Misanswered, match="no VTU file with point data"):
+        read_answer(folder, case)
+
+
+def swapped(text: str) -> str:
+    first, *rows = text.splitlines()
+    return "\n".join([first, *rows[::-1]])
+
+
+HOSTILE = {
+    "cut off": (lambda text: "\n".join(text.splitlines()[:-3]), "285 rows for 288 points"),
+    "in another order": (swapped, "the points are in another order, from row 0 on"),
+    "of another case": (lambda text: text.replace("2.25", "2.35"), "x and y are not those of the case"),
+    "without a column": (lambda text: text.replace("uy", "vy"), "no column uy; there are point, x, y, ux, vy"),
+    "words": (lambda text: text.replace("2.75", "two"), "no table of numbers"),
+    "ragged": (lambda text: text + "1,2\n", "no table of numbers"),
+    "empty": (lambda text: "", "no table of numbers"),
+    "a header alone": (lambda text: text.splitlines()[0], "0 rows for 288 points"),
+}
+
+
+@pytest.mark.parametrize("how", HOSTILE)
+def test_a_hostile_table_is_named(asked: tuple[Path, Case], how: str) -> None:
+    folder, case = asked
+    spoil, said = HOSTILE[how]
+    (folder / "answer.csv").write_text(spoil((folder / "answer.csv").read_text()))
+    with pytest.raises(Misanswered, match=said):
+        read_answer(folder, case)
+
+
+def test_a_folder_of_answers_is_a_code(tmp_path: Path) -> None:
+    """What was not answered fails by name and costs one row; what is not finite, too; no stress is not stated."""
+    assert write_cases(tmp_path, some(["mean stress, loads on points", "points in another order"])) == 2
+    assert "half the sides of its domain" in (tmp_path / "SCHEMA.md").read_text()
+    said = {"name": "by hand", "capabilities": ["analysis"]}
+    (tmp_path / "code.json").write_text(json.dumps(said))
+    folder, case = tmp_path / folder_of("cantilever"), cases.cantilever("cantilever")
+    answered(folder, case)
+
+    def card() -> Card:
+        return scorecard(AnsweredFolder(tmp_path), some(["mean stress, loads on points", "points in another order"]))
+
+    mean, order = card().rows
+    assert (mean.verdict, order.verdict) == ("passes", "fails")
+    assert order.where == "Misanswered: there is no answer.csv in cantilever__points_in_another_order"
+    text = (folder / "answer.csv").read_text()
+    lines = text.splitlines()
+    (folder / "answer.csv").write_text("\n".join([*lines[:-1], lines[-1].rpartition(",")[0] + ",nan"]))
+    assert "1 of 288 stresses of cantilever are not finite" in card().rows[0].where
+    (folder / "answer.csv").write_text(text.replace("sxx", "txx"))
+    assert (card().rows[0].verdict, card().rows[0].where) == ("not stated", "stress")
+    with pytest.raises(NotStated, match="dcde"):
+        AnsweredFolder(tmp_path).gradient(case)
+
+
+def test_functions_pass_through_files(tmp_path: Path) -> None:
+    """Rows in any order, nodes of a point wherever they stand."""
+    path = tmp_path / "answer.csv"
+    path.write_text("point,i,j,n,dn_dx,dn_dy\n1,4,5,0.25,1,2\n0,1,1,1,0,0\n1,3,5,0.75,-1,-2\n")
+    shape = read_functions(path, 3)
+    assert shape.N.tolist() == [[1, 0], [0.25, 0.75], [0, 0]] and shape.node[1].tolist() == [[4, 5], [3, 5]]
+    assert shape.grad_N[1].tolist() == [[1, 2], [-1, -2]]
+    with pytest.raises(Misanswered, match="numbered from 0 to 1; there are 0 to 0"):
+        read_functions(path, 1)
+
+
+# --- commands ---------------------------------------------------------------------------------------------------------
+
+DRIVER = """
+import json, os, sys, time
+case, answer = sys.argv[1:]
+if case == "capabilities":
+    said = {"name": "hostile", "capabilities": ["analysis", "points anywhere", "prescribed displacements"]}
+    json.dump(said, open(answer, "w"))
+    sys.exit(0)
+if case.endswith("cantilever"):
+    DO
+"""
+DEEDS = {
+    "hangs": ("time.sleep(600)", "TimedOut: no end after 5 s"),
+    "hangs with a child": ("os.system('sleep 600')", "TimedOut: no end after 5 s"),
+    "crashes": ("sys.exit('out of memory')", "Crashed: exit code 1: out of memory"),
+    "dies": ("os.kill(os.getpid(), 11)", "Crashed: signal 11: it said nothing"),
+    "answers nothing": ("pass", "Misanswered: there is no answer.csv in cantilever"),
+}
+
+
+def hostile(tmp_path: Path, deed: str) -> CommandCode:
+    driver = tmp_path / "driver.py"
+    driver.write_text(DRIVER.replace("DO", deed))
+    return CommandCode(f"{sys.executable} -S {driver} {{case}} {{answer}}", 5.0)
+
+
+@pytest.mark.parametrize("how", DEEDS)
+def test_a_hostile_command_is_named_and_costs_rows_only(tmp_path: Path, how: str) -> None:
+    deed, said = DEEDS[how]
+    row, other = scorecard(
+        hostile(tmp_path, deed), some(["mean stress, loads on points", "rigid motion, uneven points"])[::-1]
+    ).rows
+    assert row.verdict == "fails" and row.where == said
+    assert other.verdict == "fails" and other.where.startswith("Misanswered: there is no answer.csv in rigid_motion")
+
+
+def test_a_command_that_always_hangs_is_given_up(tmp_path: Path) -> None:
+    code = hostile(tmp_path, "pass")
+    code.timeout = 0.3
+    code.command = f"{sys.executable} -S -c 'import time; time.sleep(600)' {{case}} {{answer}}"
+    started = time.monotonic()
+    rows = scorecard(code, some(SOME[:4])).rows
+    assert time.monotonic() - started < 30  # two waits of 0.3 s; the rest is a busy machine's
+    assert rows[-1].where == "TimedOut: not asked: 2 calls before did not end in 0.3 s"
+
+
+@pytest.mark.parametrize(
+    ("command", "said"),
+    [
+        ("driver {case}", "names {case} and {answer}"),
+        ("there-is-no-such-driver {case} {answer}", "asked for its capabilities: .* No such file"),
+        (f"{sys.executable} -S -c 'raise SystemExit(3)' {{case}} {{answer}}", "exit code 3"),
+        (f"{sys.executable} -S -c 'pass' {{case}} {{answer}}", "has to say there what it is capable of"),
+    ],
+)
+def test_a_command_that_is_none_is_refused(command: str, said: str) -> None:
+    with pytest.raises(NoAdapter, match=said):
+        CommandCode(command, 20.0)
+
+
+def test_capabilities_in_files_are_checked(tmp_path: Path) -> None:
+    for said, wrong in (
+        ("{}", "give `name` and a list"),
+        ('{"name": "x", "capabilities": ["magic"]}', r"\['magic'\] are no capabilities"),
+        ("not json", "give `name` and a list"),
+    ):
+        (tmp_path / "code.json").write_text(said)
+        with pytest.raises(NoAdapter, match=wrong):
+            AnsweredFolder(tmp_path)
+
+
+def test_all_cases_are_written(tmp_path: Path) -> None:
+    """Whatever a sound code is asked is there: GIMP's questions, by their folders."""
+    write_cases(tmp_path, every())
+    there = {path.name for path in tmp_path.iterdir() if path.is_dir()}
+
+    class Asking:
+        name, version = "asking", ""
+        inner = PointMethod("GIMP", gimp)
+        capabilities = inner.capabilities
+
+        def analyse(self, case):  # type: ignore[no-untyped-def]
+            assert folder_of(case.name) in there
+            return self.inner.analyse(case)
+
+        def gradient(self, case):  # type: ignore[no-untyped-def]
+            return self.inner.gradient(case)
+
+        def shape(self, x, half_length, grid):  # type: ignore[no-untyped-def]
+            from validation.codes.files import functions_name
+
+            assert folder_of(functions_name(x, half_length, grid)) in there
+            return self.inner.shape(x, half_length, grid)
+
+    assert scorecard(Asking(), every()).of("fails") == []
