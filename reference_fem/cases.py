@@ -3,7 +3,7 @@
 Cases held in the same degrees of freedom have one stiffness: it is factorised once for all their load vectors.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -19,7 +19,7 @@ from reference_fem.boundary import held_dofs
 from reference_fem.elasticity import FemModel, State, fem_model, inverse_stiffness
 from reference_fem.factorise import Solve
 from reference_fem.mesh import GEOMETRY_TOLERANCE, shortest_side
-from reference_fem.objectives import Objective, StressPosition, objective
+from reference_fem.objectives import Objective
 
 
 def case_models(model: FemModel, cases: tuple[LoadCase, ...]) -> tuple[FemModel, ...]:
@@ -97,12 +97,12 @@ def objective_sums(stated: Criterion | Worst, of: Objective, cases: tuple[LoadCa
 
 
 def constraint_sums(
-    stated: tuple[AtMost, ...], model: FemModel, stress_at: StressPosition, share: Array, cases: int
+    stated: tuple[AtMost, ...], functional: Callable[[Criterion], Objective], cases: int
 ) -> tuple[Sum, ...]:
     """(J - bound) / scale, or its opposite, of each constraint in each case that it is held in."""
     found = []
     for each in stated:
-        of = objective(each.criterion, model, stress_at, share)
+        of = functional(each.criterion)
         held_in = [0] if isinstance(each.criterion, Volume) else range(cases) if each.case is None else [each.case]
         found += [Sum(each.criterion, (Part(each.factor, of, k),), each.factor * each.bound) for k in held_in]
     return tuple(found)

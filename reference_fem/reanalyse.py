@@ -4,24 +4,27 @@ A design is densities at points that own rectangles. The judge cuts a lattice fi
 each cell the density of its owner, and solves with biquadratic elements. Densities are taken as they are: no filter.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
 
 import numpy as np
 from scipy.spatial import cKDTree
 from skfem import CellBasis
 
-from mpmtop.arrays import Array, Index
+from mpmtop.arrays import Array, Index, Mask
 from mpmtop.body import Body
-from mpmtop.criteria import Criterion, PNormStress, Worst
+from mpmtop.criteria import AtMost, Criterion, PNormStress, Worst
 from mpmtop.design import Design, physical_densities
 from mpmtop.errors import EmptyDomain, InvalidScene, LoadOutsideBody
 from mpmtop.loads import action
-from mpmtop.scene import Scene
+from mpmtop.region import Region
+from mpmtop.scene import LoadCase, Scene
 from reference_fem.boundary import nodal_forces
-from reference_fem.elasticity import FemModel, fem_model, inverse_stiffness, stress, von_mises
+from reference_fem.cases import Sum, case_models, constraint_sums, objective_sums, states
+from reference_fem.elasticity import FemModel, State, fem_model, stress, von_mises
 from reference_fem.forces import Forces, distributed
-from reference_fem.mesh import GEOMETRY_TOLERANCE, element_centres, element_sides, lattice, vector_basis
-from reference_fem.objectives import p_norm
+from reference_fem.mesh import ELEMENT_CENTRE, GEOMETRY_TOLERANCE, element_centres, element_sides, lattice, vector_basis
+from reference_fem.objectives import Objective, objective, p_norm, p_norm_stress
 from reference_fem.outline import LATTICE
 from reference_fem.simp import simp
 
@@ -30,12 +33,20 @@ GAUSS = np.array([[-1, -1], [1, -1], [-1, 1], [1, 1]]) / np.sqrt(12)  # of the s
 
 @dataclass(frozen=True, eq=False)
 class Judgement:
-    """Compliance f.u of a design, free dofs and elements of the judge's mesh, displacements u (N,)."""
+    """Compliance f.u of a design, free dofs and elements of the judge's mesh, displacements u (N,).
+
+    With load cases compliance and u are of the first one; `states` are all of them.
+    """
 
     compliance: float
     dofs: int
     elements: int
-    u: Array
+    states: tuple[State, ...]
+
+    @property
+    def u(self) -> Array:
+        """Displacements (N,), in the first load case."""
+        return self.states[0].u
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,22 +59,58 @@ class JudgedStress:
 
 
 @dataclass(frozen=True, eq=False)
-class Judge:
-    """A finite element model over p points, ready for any number of designs of one law; owner (e,) of each element."""
+class JudgedCriteria:
+    """Objectives (k,), the largest of which counts, and constraints g (m,) of the scene, but that of the volume
+    fraction."""
 
-    model: FemModel
+    objectives: Array
+    constraints: Array
+
+    @property
+    def objective(self) -> float:
+        """J."""
+        return float(self.objectives.max())
+
+
+@dataclass(frozen=True, eq=False)
+class Judge:
+    """A finite element model over p points, in each load case, ready for any number of designs of one scene; owner (e,)
+    of each element."""
+
+    models: tuple[FemModel, ...]
     design: Design
     objective: Criterion | Worst
     owner: Index
     points: int
+    constraints: tuple[AtMost, ...] = ()
+    cases: tuple[LoadCase, ...] = ()
+
+    @property
+    def model(self) -> FemModel:
+        """The model, in the first load case."""
+        return self.models[0]
+
+    @cached_property
+    def sums(self) -> tuple[tuple[Sum, ...], tuple[Sum, ...]]:
+        """The scene's objectives and constraints on the judge's mesh."""
+        area = self.model.area
+        solid = np.ones(len(area), bool) if self.design.passive_void is None else ~self._in(self.design.passive_void)
+        per_point = 1 / np.bincount(self.owner)[self.owner]
+        make = partial(judged_functional, self.model, area / area[solid].sum(), per_point)
+        sought = self.objective.criterion if isinstance(self.objective, Worst) else self.objective
+        objectives = objective_sums(self.objective, make(sought), self.cases)
+        return objectives, constraint_sums(self.constraints, make, len(self.models))
+
+    def _in(self, region: Region) -> Mask:
+        return region.contains(self.model.centres)
 
     def __call__(self, rho: Array) -> Judgement:
         """Analyse the physical densities rho (p,) in [0, 1] of the points: one factorisation, one solve."""
         rho = physical_densities(rho, self.points, "point")
         moduli = simp(rho, self.model.body.material, self.design)[0][self.owner]
-        force = self.model.force(rho[self.owner])
-        u = inverse_stiffness(self.model, moduli)(force)
-        return Judgement(float(force @ u), len(self.model.free), len(self.owner), u)
+        found = states(self.models, moduli, rho[self.owner])
+        work = float(self.model.force(rho[self.owner]) @ found[0].u)
+        return Judgement(work, len(self.model.free), len(self.owner), found)
 
 
 def reanalyse(scene: Scene, x: Array, half_length: Array, rho: Array, split: int = 2, order: int = 2) -> Judgement:
@@ -94,9 +141,44 @@ def build_judge(scene: Scene, x: Array, half_length: Array, split: int = 2, orde
             f"no point's rectangle lies in the domain of {scene.name!r}: check positions and half-lengths"
         )
     basis = vector_basis(full.restrict(owned), order)
-    load = _load(scene.body, basis, x, half_length, owner[owned])
-    model = fem_model(scene.body, basis, load.fixed, weight=load.weight)
-    return Judge(model, scene.design, scene.objective, owner[owned], len(x))
+    forces_of = partial(_load, basis=basis, x=x, half_length=half_length, owner=owner[owned])
+    load = forces_of(scene.body)
+    model = replace(fem_model(scene.body, basis, load.fixed, weight=load.weight), forces_of=forces_of)
+    models = case_models(model, scene.cases)
+    return Judge(models, scene.design, scene.objective, owner[owned], len(x), scene.constraints, scene.cases)
+
+
+def judge_criteria(judge: Judge, rho: Array, judgement: Judgement) -> JudgedCriteria:
+    """Objectives and constraints of the scene for a judged design rho (p,).
+
+    What they are of is taken on the judge's mesh: stresses and the fields of one's own criteria at the element centres,
+    a p-norm that counts points as `judge_stress` does.
+    """
+    on_elements = physical_densities(rho, judge.points, "point")[judge.owner]
+    objectives, constraints = (
+        np.array([each.value(judge.models, judgement.states, on_elements) for each in sums]) for sums in judge.sums
+    )
+    return JudgedCriteria(objectives, constraints)
+
+
+def judged_functional(model: FemModel, share: Array, per_point: Array, stated: Criterion) -> Objective:
+    """A criterion on the judge's mesh; `share` (e,) as for `objective`, `per_point` (e,) one over the elements of each
+    element's point."""
+    if isinstance(stated, PNormStress) and stated.weight == "count":
+        return p_norm_stress(model, stated.p, stated.q, ELEMENT_CENTRE, stated.measure, per_point)
+    return objective(stated, model, "centre", share)
+
+
+def thresholded(rho: Array, volume: Array, level: float | None = None) -> Array:
+    """Densities (p,) cut to 0 and 1: above the `level`, or where none is given the densest points of the given volumes
+    (p,) up to the volume of rho, which a cut between two of them meets to half a point."""
+    if level is not None:
+        return (rho > level).astype(float)
+    densest = np.argsort(-rho, kind="stable")
+    kept = np.cumsum(volume[densest]) - 0.5 * volume[densest] <= volume @ rho
+    black = np.zeros_like(rho)
+    black[densest[kept]] = 1
+    return black
 
 
 def judge_stress(judge: Judge, rho: Array, judgement: Judgement) -> JudgedStress:
@@ -129,7 +211,7 @@ def owners(cells: Array, x: Array, half_length: Array) -> Index:
     return owner
 
 
-def _load(body: Body, basis: CellBasis, x: Array, half_length: Array, owner: Index) -> Forces:
+def _load(body: Body, *, basis: CellBasis, x: Array, half_length: Array, owner: Index) -> Forces:
     """Load vectors of loads on points x (p, 2), spread over the elements that `owner` (e,) gives them."""
     sides = element_sides(basis.mesh)
     acts = action(body.loads, x, np.prod(2 * half_length, axis=1), GEOMETRY_TOLERANCE * float(sides.min()))
@@ -147,4 +229,5 @@ def _load(body: Body, basis: CellBasis, x: Array, half_length: Array, owner: Ind
     position, at = np.concatenate([acts.position, gauss.reshape(-1, 2)]), np.repeat(share, len(GAUSS), axis=0)
     spread = distributed(acts, body.domain, basis, LATTICE)
     at_places = nodal_forces(basis, position, np.concatenate([acts.force, at]))
-    return spread._replace(fixed=at_places + spread.fixed)
+    size = float(np.abs(force).sum() + np.abs(acts.force).sum()) + spread.size
+    return Forces(at_places + spread.fixed, spread.weight, size)

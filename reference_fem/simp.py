@@ -122,15 +122,16 @@ class DesignProblem(DesignVariables):
     @cached_property
     def functional(self) -> Objective:
         """Value and derivatives of what the objective is made of."""
-        of = self.objective.criterion if isinstance(self.objective, Worst) else self.objective
-        return objective(of, self.model, self.stress_at, self.volume_share)
+        return self._functional(self.objective.criterion if isinstance(self.objective, Worst) else self.objective)
+
+    def _functional(self, criterion: Criterion) -> Objective:
+        return objective(criterion, self.model, self.stress_at, self.volume_share)
 
     @cached_property
     def sums(self) -> tuple[tuple[Sum, ...], tuple[Sum, ...]]:
         """Objectives, and constraints beside that of the volume fraction."""
-        share, count = self.volume_share, len(self.models)
-        constraints = constraint_sums(self.constraints, self.model, self.stress_at, share, count)
-        return objective_sums(self.objective, self.functional, self.cases), constraints
+        objectives = objective_sums(self.objective, self.functional, self.cases)
+        return objectives, constraint_sums(self.constraints, self._functional, len(self.models))
 
     @property
     def limits_volume(self) -> bool:
