@@ -8,6 +8,7 @@ import pytest
 from validation.bodies import column
 from validation.harness.lock import Lock
 from validation.harness.report import Report
+from validation.measures.orders import observed_order
 from validation.methods.analyser import SHAPE_FUNCTIONS
 from validation.studies.shape_functions.tolerances import RTOL_ANALYSIS
 
@@ -80,7 +81,7 @@ def test_self_weight(report: Report, lock: Lock) -> None:
 
 def column_tables(report: Report, both: pd.DataFrame, by_volume: pd.DataFrame) -> None:
     """Errors of ours and AMPLE's beside each other, and those weighed by the volumes of the arrangement."""
-    orders = {"last order": np.log2(both[32] / both[64]), "mean order": np.log2(both[8] / both[64]) / 3}
+    orders = {"last order": observed_order(both[32], both[64]), "mean order": observed_order(both[8], both[64], 8)}
     table = pd.concat([both.map("{:.2e}".format), pd.DataFrame(orders).round(2)], axis=1)
     report.table(
         "self_weight",
@@ -93,9 +94,9 @@ def column_tables(report: Report, both: pd.DataFrame, by_volume: pd.DataFrame) -
     report.text(
         f"Weighing by the deformed volumes in place of the initial ones multiplies the errors in (b) by "
         f"{change.min().min():.2f} to {change.max().max():.2f}: the base, where the error is largest, counts less. "
-        f"Mean orders change by at most {np.abs(np.log2(change[8] / change[64]) / 3).max():.2f}."
+        f"Mean orders change by at most {np.abs(observed_order(change[8], change[64], 8)).max():.2f}."
     )
-    last = {name: float(np.log2(both[64]["deformed", name] / both[128]["deformed", name])) for name in SHAPE_FUNCTIONS}
+    last = {name: float(observed_order(*(both[n]["deformed", name] for n in (64, 128)))) for name in SHAPE_FUNCTIONS}
     report.text(
         "In (b) the B-splines begin with a smaller error, and their order falls: they sum over points that are no "
         f"longer a lattice. Orders from 64 to 128 cells: quadratic {last['quadratic B-spline']:.2f}, cubic "
@@ -105,7 +106,7 @@ def column_tables(report: Report, both: pd.DataFrame, by_volume: pd.DataFrame) -
 
 def mean_order(errors: pd.DataFrame, case: tuple[str, str], finest: int) -> float:
     """Observed order of a case from 8 cells to the finest ones."""
-    return float(np.log2(errors[8][case] / errors[finest][case]) / np.log2(finest / 8))
+    return float(observed_order(errors[8][case], errors[finest][case], finest / 8))
 
 
 def draw_column(report: Report, errors: pd.DataFrame) -> None:

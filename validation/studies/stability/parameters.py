@@ -19,6 +19,7 @@ from mpmtop.points import MaterialPoints
 from mpmtop.problem import DesignProblem
 from mpmtop.region import Circle, Rectangle
 from mpmtop.scene import Scene
+from validation.measures.derivatives import central_difference
 from validation.studies.stability.cases import FUNCTIONS, beam, lattice, model_of
 from validation.studies.stability.judge import Case, Finding, direct, refused, worst
 from validation.studies.stability.runs import FEASIBLE
@@ -80,8 +81,8 @@ def gradient(function: str, *, penal: float, p: float | None = None, q: float = 
     rng = np.random.default_rng(7)
     x, d = rng.uniform(0.2, 0.9, len(problem.x0)), rng.uniform(-1, 1, len(problem.x0))
     slope = problem.gradient(problem.evaluate(x))[0] @ d
-    after, before = (problem.evaluate(x + way * STEP * d).objective for way in (1, -1))
-    return Finding(abs(float((after - before) / (2 * STEP) / slope - 1)) / RTOL_DIFFERENCE)
+    difference = central_difference(lambda x: problem.evaluate(x).objective, x, d, STEP)
+    return Finding(abs(float(difference / slope - 1)) / RTOL_DIFFERENCE)
 
 
 def descent(function: str, **changes: Any) -> Finding:

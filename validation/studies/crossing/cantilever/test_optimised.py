@@ -12,6 +12,7 @@ from validation.bodies.crossing import Crossing
 from validation.bodies.scenes import SPACING, H, cantilever
 from validation.harness.lock import Lock
 from validation.harness.report import Report
+from validation.measures.derivatives import central_difference
 from validation.measures.drawing import draw_design
 from validation.measures.history import histories
 from validation.methods.analyser import SHAPE_FUNCTIONS, Optimisation, material_points
@@ -117,8 +118,8 @@ def gradient_error(name: str, crossing: Crossing) -> float:
     x, t = problem.x0, 1e-4
     direction = np.random.default_rng(13).uniform(-1, 1, len(x))
     gradient = problem.gradient(problem.evaluate(x))[0] @ direction
-    plus, minus = (float(problem.evaluate(x + sign * t * direction).objective) for sign in (1, -1))
-    return abs((plus - minus) / (2 * t) / float(gradient) - 1)
+    slope = central_difference(lambda x: float(problem.evaluate(x).objective), x, direction, t)
+    return float(abs(slope / float(gradient) - 1))
 
 
 def draw_optimisation(report: Report, shown: dict[str, Optimisation], crossing: Crossing) -> None:
