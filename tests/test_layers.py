@@ -92,7 +92,7 @@ ROOMS: dict[str, set[str]] = {
     "oracles": set(),
     "bodies": {"measures", "harness"},
     "methods": {"measures", "bodies"},
-    "codes": {"methods", "bodies"},
+    "codes": {"methods", "bodies", "measures"},
     "studies": {"harness", "paper", "measures", "oracles", "bodies", "methods", "codes"},
     "conftest": {"harness"},
     "__main__": {"harness", "contents", "codes"},

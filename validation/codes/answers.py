@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from mpmtop.arrays import Array
+from validation.measures.orders import observed_order
 from validation.methods.elements import ElementMethod
 from validation.methods.protocol import Analyses, Answer, Capability, Case
 
@@ -71,7 +72,7 @@ def ratio_norm(error: Array, right: Array, volume: Array) -> float:
 
 def order(coarse: float, fine: float) -> float:
     """Observed order of errors at cells of twice the size and of one."""
-    return float(np.log2(coarse / fine)) if fine > 0 else np.inf
+    return float(observed_order(coarse, fine)) if fine > 0 else np.inf
 
 
 def fine_work(case: Case) -> float:

@@ -9,6 +9,8 @@ from mpmtop.arrays import Array
 from validation.codes import cases
 from validation.codes.answers import Misanswered, NotStated, asked
 from validation.codes.card import Check, Observed
+from validation.measures.derivatives import taylor_remainders
+from validation.measures.orders import observed_order
 from validation.methods.protocol import Capability, Case, Differentiates
 
 GRADIENT: frozenset[Capability] = frozenset({"analysis", "gradient"})
@@ -45,15 +47,15 @@ def homogeneous(code: Differentiates) -> Observed:
 def taylor(code: Differentiates) -> Observed:
     """Observed order of the remainder C(E + s d) - C(E) - s dC . d, from s to s / 2, in a direction d at random."""
     case = _graded()
-    C, slope = _compliance(code, case), _given(code, case)
-    d = np.random.default_rng(5).uniform(-1, 1, len(slope)) * case.moduli
-    remainders = []
-    for s in (1e-2, 5e-3):
-        stepped = replace(case, name=f"{case.name}, stepped by {s:g}", moduli=case.moduli + s * d)
-        remainders.append(abs(_compliance(code, stepped) - C - s * float(slope @ d)))
-    return Observed(
-        float(np.log2(remainders[0] / remainders[1])), f"remainders {remainders[0]:.2e} and {remainders[1]:.2e}"
-    )
+    gradient = _given(code, case)
+    d = np.random.default_rng(5).uniform(-1, 1, len(gradient)) * case.moduli
+
+    def C(moduli: Array) -> float:
+        at = f", stepped by {np.abs(moduli / case.moduli - 1).max():.1g}" if moduli is not case.moduli else ""
+        return _compliance(code, replace(case, name=f"{case.name}{at}", moduli=moduli))
+
+    remainders = taylor_remainders(C, case.moduli, d, float(gradient @ d), (1e-2, 5e-3))
+    return Observed(float(observed_order(*remainders)), f"remainders {remainders[0]:.2e} and {remainders[1]:.2e}")
 
 
 def single(code: Differentiates) -> Observed:

@@ -19,14 +19,22 @@ def central_difference(f: Callable[[Array], Any], x: Array, d: Array, t: float) 
     return (f(x + t * d) - f(x - t * d)) / (2 * t)
 
 
+def taylor_remainders(
+    f: Callable[[Array], float], x: Array, d: Array, slope: float, t: Sequence[float] | Array
+) -> Array:
+    """|f(x + t d) - f(x) - t slope| (k,) at steps t (k,)."""
+    t = np.asarray(t)
+    return np.abs(np.array([f(x + step * d) for step in t]) - f(x) - t * slope)
+
+
 def taylor_orders(f: Callable[[Array], float], x: Array, d: Array, slope: float, t: Sequence[float] | Array) -> Array:
-    """Orders (k - 1,) in t of the remainder |f(x + t d) - f(x) - t slope| between neighbours of falling steps t (k,).
+    """Orders (k - 1,) in t of the Taylor remainder between neighbours of falling steps t (k,).
 
     2, to a third-order term of relative size t, if slope is the derivative along d; 1 if it is not. Not a number where
     f is linear along d or t so small that rounding is all that is left: then it says nothing.
     """
     t = np.asarray(t)
-    remainder = np.abs(np.array([f(x + step * d) for step in t]) - f(x) - t * slope)
+    remainder = taylor_remainders(f, x, d, slope, t)
     pairs = zip(remainder[:-1], remainder[1:], t[:-1] / t[1:], strict=True)
     return np.array([observed_order(*pair) for pair in pairs])
 
