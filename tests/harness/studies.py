@@ -15,6 +15,8 @@ import matplotlib.style
 import pytest
 from markdown_it import MarkdownIt
 
+# imported before any run in this process: a run forgets what it imported, and extension modules load once
+import validation.measures.drawing  # noqa: F401
 from validation.harness import progress as counting
 
 ROOT = Path(__file__).parents[2]

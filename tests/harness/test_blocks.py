@@ -72,3 +72,11 @@ def test_directions_are_counted_by_sentence() -> None:
 )
 def test_titles_in_lists(title: str, short: str) -> None:
     assert brief(title) == short
+
+
+def test_what_was_fitted_and_is_not_met_is_said() -> None:
+    stated = Statement("Fig. 9", "83.57", "calibrated", 83.57)
+    report = Report("study", "test", set())
+    report.check("objective", 133.2, stated.value, rtol=0.03, source=stated)
+    found = Tally.of([Reading(claim, "study", "test") for claim in report.claims]).headline()
+    assert found.endswith("results: 0 met without fitting, 0 met by fitting, 1 fitted to and not met, 0 not met.")

@@ -87,7 +87,8 @@ def test_what_failed_and_drifted_is_on_the_front_page(studied: tuple[Path, str],
     (pytester.path / LOCKED).write_text(",kept\n0,1.25\n")
     assert "locked values: 0 of 1 within tolerance" in rerun(pytester, "-k", "locked")
     front = (pytester.path / "reports" / "index.html").read_text()
-    assert "Locked values: <b>0</b> of <b>1</b>" in front
+    assert "Locked values of the sections run here: <b>0</b> of <b>1</b>" in front
+    assert "1 of 1 locked values are outside their tolerance, by a drift of 20\u00a0% at most" in front
     row = next(row for rows in tables(pytester.path / "reports" / "index.html") for row in rows if "kept" in row[0])
     assert row[1:] == ["1.25", "1", "-20\u00a0%", "10⁻¹⁰\u00a0%"]
     assert "1.25" not in b"".join(committed(pytester.path / "reports").values()).decode(errors="ignore")

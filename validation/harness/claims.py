@@ -188,10 +188,11 @@ class Tally:
         """The printed results in one sentence."""
         if not self.printed:
             return ""
-        results, fitted = self.paper["result"], self.paper["calibrated"].total()
-        parts = [f"{results['agrees']} met without fitting"]
-        parts += [f"{fitted} met by fitting" if not self.paper["calibrated"]["differs"] else f"{fitted} fitted to"]
-        parts += [f"{results['by reading']} met in one reading and not in another"] * bool(results["by reading"])
+        results, fitted = self.paper["result"], self.paper["calibrated"]
+        by_reading = results["by reading"] + fitted["by reading"]
+        parts = [f"{results['agrees']} met without fitting", f"{fitted['agrees']} met by fitting"]
+        parts += [f"{fitted['differs']} fitted to and not met"] * bool(fitted["differs"])
+        parts += [f"{by_reading} met in one reading and not in another"] * bool(by_reading)
         parts += [f"{results['differs']} not met"]
         return f"Of the {self.printed} numbers that the paper prints as results: {', '.join(parts)}."
 
@@ -202,5 +203,5 @@ class Tally:
             return ""
         parts = [f"{trends['agrees']} hold", f"{trends['by reading']} hold in one reading and not in another"]
         parts = [parts[0], *parts[1:] * bool(trends["by reading"]), f"{trends['differs']} do not"]
-        parts += [f"{trends['not stated']} say nothing that can be checked"] * bool(trends["not stated"])
+        parts += [f"{trends['not stated']} are shown without a verdict"] * bool(trends["not stated"])
         return f"Of its {trends.total()} comparisons and directions: {', '.join(parts)}."

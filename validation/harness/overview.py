@@ -44,8 +44,8 @@ class Printed:
 
     @property
     def state(self) -> str:
-        """Met, fitted, met in one reading, not met."""
-        if self.stand.first.kind == "calibrated":
+        """Met, met by fitting, met in one reading, not met."""
+        if self.stand.first.kind == "calibrated" and self.stand.state == "agrees":
             return "fitted"
         return {"agrees": "met", "differs": "not met", "by reading": "by reading"}.get(self.stand.state, "open")
 
