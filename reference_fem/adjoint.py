@@ -35,7 +35,11 @@ def moduli_gradient(model: FemModel, state: State, adjoint: Array) -> Array:
 def unit_work(model: FemModel, v: Array, u: Array) -> Array:
     """v_e . k_e u_e (e,) at unit modulus: times the moduli it sums to v.K u, and minus it is dJ/dE for an adjoint v."""
     v_e, u_e = (_without_translation(w[model.basis.element_dofs.T]) for w in (v, u))
-    return np.sum(np.matmul(model.matrices[model.shape], u_e[:, :, None])[:, :, 0] * v_e, axis=1)
+    if len(model.matrices) == 1:
+        force = u_e @ model.matrices[0]  # symmetric
+    else:
+        force = np.matmul(model.matrices[model.shape], u_e[:, :, None])[:, :, 0]
+    return np.sum(force * v_e, axis=1)
 
 
 def _without_translation(u_e: Array) -> Array:

@@ -147,7 +147,7 @@ def lattice_elimination(basis: CellBasis, free: Index) -> tuple[Index, Factorise
     step = basis.elem.maxdeg // 2  # dof locations per element side: 1 bilinear, 2 biquadratic
     location = basis.doflocs[:, free].T - basis.mesh.p.min(axis=1)
     ix = np.rint(step * location / element_sides(basis.mesh).min(axis=0)).astype(np.intp)
-    return choose_elimination(ix, _numbering(basis.N, free)[basis.element_dofs.T], step)
+    return choose_elimination(ix, _numbering(basis.N, free)[basis.element_dofs.T])
 
 
 def minimum_degree_elimination(basis: CellBasis, free: Index) -> tuple[Index, Factorise]:

@@ -1,36 +1,42 @@
-"""Direct solution of K u = f: order of elimination and factorisation, by SciPy alone."""
+"""Direct solution of K u = f: order of elimination and factorisation.
+
+The narrow systems by LAPACK's banded Cholesky, the others by the sparse Cholesky of `mpmtop.solvers`, which is linear
+algebra on a pattern and knows no mechanics; SuperLU, in an order of its own, is the check of both.
+"""
 
 from collections.abc import Callable
 
 import numpy as np
-import scipy.linalg
 import scipy.sparse as sp
 import scipy.sparse.linalg
+from scipy.linalg.lapack import dpbtrf, dpbtrs
 
-from mpmtop.arrays import Array, Index
+from mpmtop.arrays import Array, Index, Mask
 from mpmtop.errors import UnsupportedBody
+from mpmtop.solvers.pattern import Pattern, SingularMatrix
+from mpmtop.solvers.sparse_cholesky import SparseCholesky
 
 Solve = Callable[[Array], Array]
 Factorise = Callable[[sp.csc_matrix], Solve]
 
-# Band storage (entries) up to which banded Cholesky is taken. Measured on 2:1 bodies against SuperLU in nested
-# dissection: 2.6 times as fast at 80 x 40 bilinear elements (0.6 M entries), 0.5 times at 160 x 80 biquadratic (67 M).
-BANDED_ENTRIES = 20_000_000
-LEAF = 4  # lattice spacings below which nested dissection stops; 2 and 8 measured slower
+# Band storage (entries) up to which banded Cholesky is taken. CPU seconds of a design's evaluation and gradient on 2:1
+# bodies, banded over sparse: bilinear 0.50 at 6,560 dofs (0.5 M entries), 0.88 at 40,400 (8.3 M), 1.4 at 79,000 (23 M);
+# biquadratic 0.58 at 6,560 (1.1 M), 0.94 at 25,900 (8.5 M), 1.2 at 40,400 (17 M).
+BANDED_ENTRIES = 10_000_000
 
 
-def choose_elimination(ix: Index, element_dofs: Index, step: int) -> tuple[Index, Factorise]:
+def choose_elimination(ix: Index, element_dofs: Index) -> tuple[Index, Factorise]:
     """Order of elimination (n,) of the dofs at lattice positions ix (n, 2), and the factorisation that suits it.
 
-    `element_dofs` (e, d) numbers the dofs of each element, -1 where held; elements are `step` lattice spacings wide.
+    `element_dofs` (e, d) numbers the dofs of each element, -1 where held.
     """
     i, j = ix.T
     orders = [np.lexsort(keys) for keys in ((j, i), (i, j), (i, i - j), (i, i + j))]  # columns, rows, diagonals
     half_bands = [half_band(order, element_dofs) for order in orders]
     narrowest = int(np.argmin(half_bands))
     if len(ix) * (half_bands[narrowest] + 1) <= BANDED_ENTRIES:
-        return orders[narrowest], banded_cholesky
-    return nested_dissection(ix, step), nested_superlu
+        return orders[narrowest], BandedCholesky()
+    return np.arange(len(ix)), NestedCholesky(ix)
 
 
 def half_band(order: Index, element_dofs: Index) -> int:
@@ -42,56 +48,66 @@ def half_band(order: Index, element_dofs: Index) -> int:
     return int((last - first).max())
 
 
-def nested_dissection(ix: Index, step: int) -> Index:
-    """Order (n,) of lattice positions ix (n, 2): both halves of a box come before the line that separates them.
+class BandedCholesky:
+    """Banded Cholesky (LAPACK pbtrf) in the order given, for any K of one pattern.
 
-    Separating lines lie on element edges, every `step` spacings, and cross the longer side (George, 1973).
+    The first K tells the pattern: K (n, n), symmetric positive definite and stored in full.
     """
-    n = np.arange(len(ix))
-    lower, upper = np.tile(ix.min(axis=0), (len(ix), 1)), np.tile(ix.max(axis=0), (len(ix), 1))
-    rank = np.zeros(len(ix), np.int64)  # base 3: 0 left of a line, 1 right of it, 2 on it
-    active = np.ones(len(ix), bool)
-    while active.any():
-        axis = np.argmax(upper - lower, axis=1)
-        active &= (upper - lower)[n, axis] > LEAF
-        line = (lower + upper)[n, axis] // 2 // step * step
-        side = np.sign(ix[n, axis] - line)
-        rank = 3 * rank + np.where(active, np.where(side == 0, 2, side > 0), 0)
-        left, right = active & (side < 0), active & (side > 0)
-        upper[n[left], axis[left]] = line[left] - 1
-        lower[n[right], axis[right]] = line[right] + 1
-        active &= side != 0
-    return np.lexsort((ix[:, 1], ix[:, 0], rank))
+
+    def __init__(self) -> None:
+        self.band: tuple[int, Mask, Index] | None = None  # height, entries of the lower triangle, where they go
+
+    def __call__(self, K: sp.csc_matrix) -> Solve:
+        """K^-1; UnsupportedBody if a pivot is not positive."""
+        n = K.shape[0]
+        if self.band is None:
+            row, column, lower = lower_triangle(K)
+            height = int((row - column).max(initial=0)) + 1
+            self.band = height, lower, column * height + row - column
+        height, lower, place = self.band
+        flat = np.zeros(n * height)
+        flat[place] = K.data[lower]
+        factor, failed = dpbtrf(flat.reshape((height, n), order="F"), lower=1, overwrite_ab=1)
+        if failed:
+            raise _singular()
+        return lambda f: dpbtrs(factor, f, lower=1)[0]
 
 
-def banded_cholesky(K: sp.csc_matrix) -> Solve:
-    """Banded Cholesky factorisation (LAPACK pbtrf) of K (n, n), symmetric positive definite and stored in full."""
-    n = K.shape[0]
-    columns = np.repeat(np.arange(n), np.diff(K.indptr))
-    offsets = K.indices - columns
-    lower = offsets >= 0
-    band = np.zeros((n, int(offsets.max()) + 1)).T  # column-major, as LAPACK wants it
-    band[offsets[lower], columns[lower]] = K.data[lower]
-    try:
-        factor = scipy.linalg.cholesky_banded(band, overwrite_ab=True, lower=True, check_finite=False)
-    except scipy.linalg.LinAlgError as error:
-        raise _singular() from error
-    return lambda f: scipy.linalg.cho_solve_banded((factor, True), f, check_finite=False)
+class NestedCholesky:
+    """Sparse Cholesky in a nested dissection of the dofs at lattice positions ix (n, 2), for any K of one pattern.
+
+    The first K tells the pattern: K (n, n), symmetric positive definite and stored in full.
+    """
+
+    def __init__(self, ix: Index) -> None:
+        self.ix = ix
+        self.bound: tuple[Mask, SparseCholesky] | None = None  # entries of the lower triangle, and their solver
+
+    def __call__(self, K: sp.csc_matrix) -> Solve:
+        """K^-1; UnsupportedBody if a pivot is not positive or rounding alone."""
+        if self.bound is None:
+            row, column, lower = lower_triangle(K)
+            self.bound = lower, SparseCholesky(Pattern(K.shape[0], row, column), self.ix.astype(float))
+        lower, cholesky = self.bound
+        try:
+            return cholesky.factor(K.data[lower])
+        except SingularMatrix as error:
+            raise _singular() from error
 
 
-def nested_superlu(K: sp.csc_matrix) -> Solve:
-    """SuperLU factorisation of K (n, n), symmetric and stored in full, in the order given and without pivoting."""
-    return _superlu(K, "NATURAL")
+def lower_triangle(K: sp.csc_matrix) -> tuple[Index, Index, Mask]:
+    """Rows and columns (k,) of the lower triangle's entries, and which of all entries (nnz,) these are."""
+    column = np.repeat(np.arange(K.shape[0]), np.diff(K.indptr))
+    lower = K.indices >= column
+    return K.indices[lower].astype(np.intp), column[lower], lower
 
 
 def minimum_degree_superlu(K: sp.csc_matrix) -> Solve:
-    """The same in an order of minimum degree that SuperLU finds itself: for a K of any pattern."""
-    return _superlu(K, "MMD_AT_PLUS_A")
-
-
-def _superlu(K: sp.csc_matrix, order: str) -> Solve:
+    """SuperLU factorisation of K (n, n), symmetric and stored in full, in an order of minimum degree that it finds
+    itself and without pivoting: for a K of any pattern."""
+    options = {"SymmetricMode": True}
     try:
-        factor = scipy.sparse.linalg.splu(K, permc_spec=order, diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+        factor = scipy.sparse.linalg.splu(K, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
     except RuntimeError as error:  # SuperLU's "Factor is exactly singular"
         raise _singular() from error
     return factor.solve
