@@ -153,7 +153,7 @@ def material_points(problem: DesignProblem) -> System:
     F = np.sqrt(model.points.volume)[:, None, None] * (np.linalg.cholesky(model.D).T @ B)
 
     def matrix(moduli: Numbers) -> sp.csr_array:
-        lower = sp.csr_array((pattern.data(moduli), (pattern.row, pattern.col)), shape=2 * pattern.dof.shape)
+        lower = sp.csr_array((pattern.data_map @ moduli, (pattern.row, pattern.col)), shape=2 * pattern.dof.shape)
         return sp.csr_array(lower + sp.triu(lower.T, k=1))
 
     local = (2 * transfer.stencil[:, :, None] + np.arange(2)).reshape(p, 2 * nodes)
