@@ -1,5 +1,6 @@
 """Sound codes pass all checks; each planted fault is found, and named by its kind."""
 
+from contextlib import suppress
 from dataclasses import replace
 from functools import cache
 
@@ -11,6 +12,7 @@ from mpmtop.shape_functions import gimp, tent
 from tests.codes.broken import FAULTS, SOUND, TENTH
 from validation.codes import cases
 from validation.codes.analysis import ON_LINES
+from validation.codes.answers import NotStated
 from validation.codes.card import Card, scorecard
 from validation.codes.checks import every
 from validation.codes.shape import REVERSED
@@ -38,7 +40,8 @@ def test_an_independent_gimp_passes_with_our_digits() -> None:
     assert failing(card) == [] and card.kinds == []
     lacks = [row.check.name for row in card.of("not supported")]
     assert lacks == ["mean stress, loads at positions"]
-    assert len(card.of("passes")) >= 50 and not card.of("not stated")
+    assert len(card.of("passes")) >= 50
+    assert [row.check.name for row in card.of("not stated")] == ["residual kinetic energy"]
     ours = PointMethod("GIMP", gimp)
     for case in (cases.cantilever("seeded"), cases.cantilever("uneven", cases.uneven((12, 6)))):
         theirs, expected = SOUND.analyse(case), ours.analyse(case)
@@ -115,7 +118,8 @@ def test_a_name_is_of_one_case() -> None:
     code = Recording()
     for check in EVERY:
         if check.needs <= code.capabilities:
-            check.observe(code)
+            with suppress(NotStated):
+                check.observe(code)
     assert len(code.asked) > 40
     assert [name for name, numbers in code.asked.items() if len(set(numbers)) > 1] == []
 

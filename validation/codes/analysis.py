@@ -204,6 +204,14 @@ def compliance_stated(code: Code) -> Observed:
     return Observed(abs(answer.compliance / work(case, answer) - 1))
 
 
+def kinetic(code: Code) -> Observed:
+    """Kinetic energy that is left, by the strain energy."""
+    left = asked(code, cases.cantilever("cantilever")).kinetic
+    if left is None:
+        raise NotStated("kinetic energy: not a code that steps in time")
+    return Observed(left)
+
+
 def weighed(code: Code, unequal: bool) -> Observed:
     """Mean error of the stress in a column under its weight, by that at its base."""
     cells = 16

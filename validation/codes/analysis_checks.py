@@ -171,6 +171,14 @@ def _energies() -> list[Check]:
             lost,
             needs=ANALYSIS | {"quadrature at points"},
         ),
+        Check(
+            "analysis",
+            "residual kinetic energy",
+            ANALYSIS,
+            analysis.kinetic,
+            "by the strain energy, of codes that step in time: displacements are off by about its root",
+            "",
+        ),
         _exact("compliance stated", analysis.compliance_stated, "work of half the load, or energy, in place of f . u"),
     ]
 

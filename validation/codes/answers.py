@@ -35,7 +35,7 @@ def asked(code: Analyses, case: Case) -> Answer:
     stress = None
     if answer.stress is not None:
         stress = _counted(answer.stress, (len(case.moduli), 3), f"stresses of {case.name}")
-    return Answer(u, stress, answer.compliance)
+    return Answer(u, stress, answer.compliance, answer.kinetic)
 
 
 def _counted(values: Array, shape: tuple[int, int], what: str) -> Array:

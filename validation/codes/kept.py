@@ -95,11 +95,12 @@ def matrix(cards: Iterable[Kept]) -> dict[str, dict[str, str]]:
     return table
 
 
-def cell(row: KeptRow) -> str:
-    """A row in a word and a number. What passes to rounding has none: that differs from machine to machine."""
+def cell(row: KeptRow, digits: bool = False) -> str:
+    """A row in a word and a number; unless `digits` are asked for, what passes to rounding has none, as that differs
+    from machine to machine."""
     if row.observed is None:
         return row.verdict
-    if row.verdict == "passes" and row.expected.startswith("<=") and abs(row.observed) < 1e-8:
+    if row.verdict == "passes" and not digits and row.expected.startswith("<=") and abs(row.observed) < 1e-8:
         return "passes"
     number = f"{row.observed:.3g}"
     return number if row.verdict == "reported" else f"{row.verdict} ({number})"

@@ -14,6 +14,10 @@ KNOWN = {
 """Packages of the extra `peers` and the classes behind which they are."""
 
 
+KEPT = Path(__file__).parents[1] / "data" / "codes"
+"""Where the scorecards of these are kept, with the code."""
+
+
 def code(named: str, timeout: float = TIMEOUT) -> Any:
     """The code named `kratos` or `pymoto`, FILE.py:CLASS or module:CLASS, DIR, or a command with {case} and {answer}.
 

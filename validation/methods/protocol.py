@@ -147,11 +147,15 @@ def _fill(body: Body, points: MaterialPoints) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class Answer:
-    """Displacement u (p, 2), stress (p, 3) in the order xx, yy, xy, and compliance f.u; None for what is not stated."""
+    """Displacement u (p, 2), stress (p, 3) in the order xx, yy, xy, and compliance f.u; None for what is not stated.
+
+    Of a code that steps in time `kinetic` is the kinetic energy that is left, by the strain energy.
+    """
 
     u: Array
     stress: Array | None = None
     compliance: float | None = None
+    kinetic: float | None = None
 
 
 class Shape(NamedTuple):

@@ -6,13 +6,15 @@ person's code is put through by `pytest validation --code`, see validation/codes
 with date, version and machine. What fails there is a result: it fails no run.
 """
 
+from functools import cache
+
 import pandas as pd
 import pytest
 
 from validation.codes.card import Card, Check, scorecard
 from validation.codes.checks import every
 from validation.codes.kept import Kept, cell, kept, matrix, read, write
-from validation.codes.named import code
+from validation.codes.named import KEPT, KNOWN, code
 from validation.harness.asked import Asked
 from validation.harness.report import Report
 from validation.methods.analyser import SHAPE_FUNCTIONS
@@ -42,14 +44,19 @@ def shown(cards: list[Kept]) -> pd.DataFrame:
     return pd.DataFrame.from_dict(matrix(cards), orient="index").rename_axis("check")
 
 
+@cache
+def our_cards() -> tuple[Card, ...]:
+    """Asked once a run."""
+    return tuple(scorecard(method, every()) for method in ours())
+
+
 def test_our_codes(report: Report) -> None:
     """The codes of this repository
 
     Material points with each shape function, the finite element reference, and a plain scikit-fem analysis.
     """
-    checks = every()
-    cards: list[Card] = [scorecard(method, checks) for method in ours()]
-    report.table("checks", grounds(checks), "What is asked, why it must hold, and what usually causes a failure.")
+    cards = our_cards()
+    report.table("checks", grounds(every()), "What is asked, why it must hold, and what usually causes a failure.")
     report.table(
         "ours", shown([kept(card, "", "") for card in cards]), "Verdicts; numbers where they tell more than that."
     )
@@ -79,18 +86,26 @@ def test_other_codes(report: Report, asked: Asked) -> None:
     One scorecard for each, of the run that is named there.
     """
     for named in asked.codes:
-        write(asked.folder, kept(scorecard(code(named, asked.timeout), every()), asked.when, asked.machine))
-    cards = read(asked.folder)
+        folder = KEPT if named in KNOWN else asked.folder
+        write(folder, kept(scorecard(code(named, asked.timeout), every()), asked.when, asked.machine))
+    cards = [*read(KEPT), *read(asked.folder)]
     if not cards:
         pytest.skip("no other code has been put through: --code")
     for k, card in enumerate(cards):
         report.text(f"**{card.code}**, {card.version}, on {card.when} ({card.machine}): {card.verdict}.")
         rows = [
-            {"check": f"{row.way}: {row.check}", "expected": row.expected, "observed": cell(row), "where": row.where}
+            {
+                "check": f"{row.way}: {row.check}",
+                "expected": row.expected,
+                "observed": cell(row, digits=True),
+                "where": row.where,
+            }
             | {"if it fails, look at": row.look if row.verdict == "fails" else ""}
             for row in sorted(card.rows, key=lambda row: row.verdict != "fails")
         ]
         report.table(f"card_{k}", pd.DataFrame(rows), f"{card.code}: what fails comes first.")
         report.check(f"checks that {card.code} fails", len(card.of("fails")), source="for comparison")
         report.check(f"checks that {card.code} passes", len(card.of("passes")), source="for comparison")
-    report.table("matrix", shown(cards), "All of them, check by check.")
+    ran = our_cards() if our_cards.cache_info().currsize else ()  # a run of other codes alone does not ask ours
+    everyone = [*(kept(card, "", "") for card in ran), *cards]
+    report.table("matrix", shown(everyone), f"{'All codes' if ran else 'Other codes'}, check by check.")
