@@ -10,14 +10,14 @@ from mpmtop.loads import PointLoad, PositionLoad, RegionLoad
 from mpmtop.model import discretise
 from mpmtop.points import MaterialPoints
 from mpmtop.region import Rectangle
-from mpmtop.solvers import BandedCholesky, SuperLU
+from tests.mpmtop.solvers.table import EXACT
 from tests.scenes import cantilever
 from validation.oracles.extended import full_stiffness
 
 pytestmark = pytest.mark.filterwarnings("ignore::mpmtop.diagnose.ModelWarning")  # bodies are moved and cut on purpose
 
 
-@pytest.mark.parametrize("solver", [BandedCholesky, SuperLU])
+@EXACT
 def test_floating_body_is_named(solver: type) -> None:
     """A body that can rotate about its one held node, and one that floats on a slit of no material."""
     pin = Support(Rectangle((0, 0), (0, 0)))
@@ -68,7 +68,7 @@ def test_islands_are_named() -> None:
     assert "island" not in str(caught_whole.value)  # held, if by one node
 
 
-@pytest.mark.parametrize("solver", [BandedCholesky, SuperLU])
+@EXACT
 def test_mechanism_behind_small_pivots(solver: type) -> None:
     """A cloud in which a node can move without energy. Rounding leaves its pivot at 2e-11 of the diagonal, far above
     that of a matrix that is singular to rounding: K v = 0 tells."""

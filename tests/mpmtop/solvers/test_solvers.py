@@ -1,7 +1,6 @@
 """All solvers through one table: the same systems, the same answers, the same refusals."""
 
 from collections.abc import Callable
-from functools import partial
 
 import numpy as np
 import pytest
@@ -26,16 +25,8 @@ from mpmtop.solvers import (
     choose_solver,
 )
 from mpmtop.solvers.dissection import dissect
+from tests.mpmtop.solvers.table import ALL, EXACT
 from tests.scenes import cantilever
-
-DIRECT: dict[str, Callable[[Pattern], Solver]] = {
-    "banded": BandedCholesky,
-    "sparse": SparseCholesky,
-    "SuperLU": SuperLU,
-}
-SOLVERS = DIRECT | {"multigrid": partial(MultigridCG, tolerance=1e-11, coarsest=200)}
-ALL = pytest.mark.parametrize("solver", SOLVERS.values(), ids=SOLVERS)
-EXACT = pytest.mark.parametrize("solver", DIRECT.values(), ids=DIRECT)
 
 NOTCHED = Difference(Rectangle((0, 0), (40, 20)), Rectangle((16, 8), (40, 20)))
 HOLED = Difference(Rectangle((0, 0), (40, 20)), Circle((21.3, 9.2), 6.3))
