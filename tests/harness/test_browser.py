@@ -3,8 +3,6 @@
 import html
 import json
 import re
-import shutil
-import subprocess
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -37,24 +35,6 @@ addEventListener("load", () => {{
     ground: getComputedStyle(page.body).backgroundColor}});
 }});
 </script>"""
-
-
-@pytest.fixture(scope="module")
-def browse(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., str]:
-    """What a browser prints of a page, with options of its command line."""
-    names = ("chromium", "chromium-browser", "google-chrome")
-    browser = next((path for path in map(shutil.which, names) if path), None)
-    if browser is None:
-        pytest.skip(f"none of {', '.join(names)} is installed: the pages are not tried in a browser")
-    flags = "--headless --no-sandbox --disable-gpu --disable-quic --no-first-run --disable-background-networking "
-    flags += "--disable-component-update --disable-sync --window-size=1400,900 "
-    flags += f"--user-data-dir={tmp_path_factory.mktemp('profile')}"
-
-    def browsed(page: Path, *options: str) -> str:
-        command = [browser, *flags.split(), *options, page.as_uri()]
-        return subprocess.run(command, capture_output=True, text=True, timeout=60, check=True).stdout
-
-    return browsed
 
 
 def measured(browse: Callable[..., str], page: Path, folder: Path, width: int, *options: str) -> dict[str, Any]:

@@ -9,7 +9,7 @@ import json
 import re
 import shutil
 import statistics
-import subprocess
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +22,6 @@ from validation.harness.pages import republish
 
 ROOT = Path(__file__).parents[2]
 REPORTS = ROOT / "reports"
-BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 LAPTOP, SCREEN, PHONE, PAPER = 1300, 1920, 390, 673
 """Widths [CSS px]; PAPER is A4 less the margins that the pages ask for, 178 mm."""
 WORDS = 120
@@ -118,23 +117,16 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def pages(report: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+def pages(report: Path, browse: Callable[..., str], tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     """What a browser finds on each page, by its name."""
-    browser = next((path for path in map(shutil.which, BROWSERS) if path), None)
-    if browser is None:
-        pytest.skip(f"none of {', '.join(BROWSERS)} is installed: the pages are not looked at in a browser")
     sources = {page.stem: page.as_uri() for page in sorted(report.glob("*.html"))}
     text = LOOK.replace("PAGES", json.dumps(sources))
     for name, width in {"LAPTOP": LAPTOP, "SCREEN": SCREEN, "PHONE": PHONE, "PAPER": PAPER}.items():
         text = text.replace(name, str(width))
-    folder = tmp_path_factory.mktemp("browser")
-    (folder / "look.html").write_text(text)
-    flags = "--headless --no-sandbox --disable-gpu --disable-quic --no-first-run --disable-background-networking "
-    flags += "--disable-component-update --disable-sync --allow-file-access-from-files --window-size=2000,1000 "
+    looking = tmp_path_factory.mktemp("browser") / "look.html"
+    looking.write_text(text)
     # virtual time: the browser waits for nothing but its own work, and stops the script that hangs
-    flags += f"--virtual-time-budget=600000 --user-data-dir={folder / 'profile'} --dump-dom"
-    command = [browser, *flags.split(), (folder / "look.html").as_uri()]
-    dumped = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True).stdout
+    dumped = browse(looking, "--dump-dom", "--allow-file-access-from-files", "--virtual-time-budget=600000")
     title = re.search(r"<title>(.*?)</title>", dumped, re.DOTALL)
     assert title is not None
     found: dict[str, Any] = json.loads(html.unescape(title[1]))

@@ -37,8 +37,8 @@ PROVENANCE = "data/provenance.json"
 """Where the last run was: kept on its machine only."""
 PAGE = 1_800_000
 """Bytes of pictures that leave a page below 2 MB."""
-LONG, FOLDED = 12, 4
-"""Rows from which a table is folded, and tables of claims of our own from which they are."""
+LONG, FOLDED = 16, 4
+"""Rows beyond which a table is folded, and tables of claims of our own from which they are."""
 
 
 @dataclass(frozen=True)
