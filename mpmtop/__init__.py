@@ -4,7 +4,7 @@ What is stated, of either solver:
     region          Rectangle, Circle, Polygon, HalfPlane, LevelSet, Union, Intersection, Difference
     curves, outline what bounds them, to act on
     loads           PointLoad, RegionLoad, PositionLoad; Traction, Pressure; BodyForce, Weight
-    body            Body(domain, supports, loads, material), Support, Material
+    body            Body(domain, supports, loads, material), Material; Support, EdgeSupport, Spring
     design          Design(volume_fraction, filter_radius, penal, contrast, rho_min, passive_solid, passive_void, ...),
                     Projection, Mirror: the last two of its fields
     criteria        Compliance, PNormStress, Volume, Displacement; AtMost, AtLeast, Worst;
@@ -17,7 +17,7 @@ How a body is discretised:
     points          MaterialPoints, seed; quadtree refines them, grid lies behind them
     model           discretise(body, h, ppc, shape_function) -> Model
     equilibrium     equilibrium(model, moduli): u, strains and adjoints, checked; mechanism names what moves freely
-    transfer, voigt, material, b_bar, ghost, stiffness, solvers, forces    what these are made of
+    transfer, voigt, material, b_bar, ghost, ties, stiffness, solvers, forces    what these are made of
     diagnose        what misleads about a body: glued gaps, near-mechanisms, points on grid lines
 
 How a design is optimised:
@@ -45,7 +45,9 @@ if TYPE_CHECKING:
     from mpmtop import export as export
     from mpmtop import plot as plot
     from mpmtop.body import Body as Body
+    from mpmtop.body import EdgeSupport as EdgeSupport
     from mpmtop.body import Material as Material
+    from mpmtop.body import Spring as Spring
     from mpmtop.body import Support as Support
     from mpmtop.criteria import AtLeast as AtLeast
     from mpmtop.criteria import AtMost as AtMost
@@ -95,7 +97,7 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 _FROM = {
-    "body": ("Body", "Material", "Support"),
+    "body": ("Body", "EdgeSupport", "Material", "Spring", "Support"),
     "design": ("Design", "Mirror", "Projection"),
     "loads": ("BodyForce", "PointLoad", "PositionLoad", "Pressure", "RegionLoad", "Traction", "Weight"),
     "model": ("discretise",),

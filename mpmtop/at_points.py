@@ -52,7 +52,10 @@ def fields_at_points(model: Model, state: Equilibrium, rho: Array) -> Fields:
     moved = at.interpolate(state.u)
     grad = np.einsum("pna,pnb->pab", np.where(at.touched[..., None], nodal[at.stencil], 0.0), at.grad_N)
     arm = where.corners - where.x[:, None]
-    force = model.internal_force(stress) + model.ghost.force(state.moduli, state.u) - state.f_ext
+    force = (model.internal_force(stress) + model.ghost.force(state.moduli, state.u) - state.f_ext).reshape(-1, 2)
+    ties = model.ties
+    tied = np.zeros(2 * len(at.nodes), bool)
+    tied[np.concatenate([ties.spring.indices, ties.hold.indices, ties.pull.indices])] = True
     return Fields(
         layout=where,
         density=rho,
@@ -61,5 +64,5 @@ def fields_at_points(model: Model, state: Equilibrium, rho: Array) -> Fields:
         strain=tensor(tensor_strain, np.zeros_like(trace) if strained else -nu / (1 - nu) * trace),
         stress=tensor(stress, nu * (stress[:, 0] + stress[:, 1]) * strained),
         nodal_displacement=nodal,
-        reaction=np.where(where.held, force.reshape(-1, 2), 0.0),
+        reaction=np.where(where.held | tied.reshape(-1, 2), force, 0.0),
     )

@@ -9,9 +9,10 @@ from typing import Literal
 
 import numpy as np
 
+from mpmtop.arrays import Array
 from mpmtop.errors import EmptyDomain, InvalidScene, LoadOutsideBody, UnsupportedBody
 from mpmtop.loads import Load, positions
-from mpmtop.region import Region, check_region
+from mpmtop.region import Region, check_region, finite, finite_pair
 
 
 @dataclass(frozen=True)
@@ -37,7 +38,8 @@ class Material:
 
 @dataclass(frozen=True)
 class Support:
-    """Every node in `region` is held in the components marked in `fixed` (x, y), true or false, or 1 or 0.
+    """Every node in `region` is held in the components marked in `fixed` (x, y), true or false, or 1 or 0, at the
+    `displacement` (2,) [length], zero unless given.
 
     Limit: a support holds nodes, not points. A body whose points have left the cells at its clamp by more than half a
     cell hangs on what is left there, and is far too compliant; once nothing is left, that is an error.
@@ -45,6 +47,7 @@ class Support:
 
     region: Region
     fixed: tuple[bool, bool] = (True, True)
+    displacement: tuple[float, float] = (0.0, 0.0)
 
     def __post_init__(self) -> None:
         check_region("the region of a support", self.region)
@@ -56,6 +59,61 @@ class Support:
         if not any(flags):
             raise InvalidScene("a support fixed in (False, False) holds nothing: hold a component, or leave it out")
         object.__setattr__(self, "fixed", (bool(flags[0]), bool(flags[1])))
+        object.__setattr__(self, "displacement", finite_pair("displacement of a support", self.displacement))
+        if any(u != 0 and not held for u, held in zip(self.displacement, self.fixed, strict=True)):
+            raise InvalidScene(
+                f"displacement {self.displacement} of a support fixed in {self.fixed}: fix what is displaced"
+            )
+
+
+@dataclass(frozen=True)
+class EdgeSupport:
+    """The part of the domain's boundary that lies in `region` is held, wherever the grid's lines run: in both
+    components, along a `direction` (2,) only, or along the "normal", so that the edge slides along itself.
+
+    It is held weakly, by Nitsche's method, see `mpmtop.ties`. Nodes of small cuts are as loose as elsewhere: with tent
+    and GIMP a ghost penalty ties them, `discretise(..., ghost=0.01)`.
+    """
+
+    region: Region
+    direction: tuple[float, float] | Literal["normal"] | None = None
+
+    def __post_init__(self) -> None:
+        check_region("the region of an edge support", self.region)
+        if self.direction is not None and self.direction != "normal":
+            object.__setattr__(self, "direction", _direction("an edge support", self.direction))
+
+    def directions(self, normal: Array) -> tuple[Array, ...]:
+        """Unit vectors (n, 2) along which positions of outward normals (n, 2) are held."""
+        if self.direction is None:
+            return np.tile([1.0, 0.0], (len(normal), 1)), np.tile([0.0, 1.0], (len(normal), 1))
+        return (normal if self.direction == "normal" else np.tile(self.direction, (len(normal), 1)),)
+
+
+@dataclass(frozen=True)
+class Spring:
+    """Spring of `stiffness` [force / length] between the ground and `position`, along a `direction` (2,) of any length.
+
+    It pulls with -stiffness u at the position itself, through the functions that the grid or the mesh has there.
+    """
+
+    position: tuple[float, float]
+    stiffness: float
+    direction: tuple[float, float]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "position", finite_pair("position of a spring", self.position))
+        object.__setattr__(self, "direction", _direction("a spring", self.direction))
+        if not finite("stiffness of a spring", self.stiffness) > 0:
+            raise InvalidScene(f"stiffness {self.stiffness} of a spring: give a positive number")
+
+
+def _direction(of: str, value: object) -> tuple[float, float]:
+    x, y = finite_pair(f"direction of {of}", value)  # type: ignore[arg-type]
+    length = float(np.hypot(x, y))
+    if length == 0:
+        raise InvalidScene(f"direction of {of} is zero: give the direction in which it acts")
+    return x / length, y / length
 
 
 @dataclass(frozen=True)
@@ -66,7 +124,7 @@ class Body:
     """
 
     domain: Region
-    supports: tuple[Support, ...]
+    supports: tuple[Support | EdgeSupport | Spring, ...]
     loads: tuple[Load, ...] = ()
     material: Material = field(default_factory=Material)
 
@@ -83,14 +141,34 @@ class Body:
         if not self.supports:
             raise UnsupportedBody("the body has no support: add one")
         for support in self.supports:
-            if not isinstance(support, Support):
-                raise InvalidScene(f"support {support!r}: give Support(region, fixed)")
+            if not isinstance(support, Support | EdgeSupport | Spring):
+                raise InvalidScene(f"support {support!r}: give a `Support`, an `EdgeSupport` or a `Spring`")
         for load in self.loads:
             if not hasattr(load, "act"):
                 raise InvalidScene(f"load {load!r}: give a `PointLoad`, `RegionLoad` or `PositionLoad`")
-        named = positions(self.loads)
+        named = np.concatenate([positions(self.loads), np.reshape([s.position for s in self.springs], (-1, 2))])
         outside = named[~self.domain.contains(named, 1e-9 * float(np.max(upper - lower)))]
         if len(outside):
             raise LoadOutsideBody(
-                f"load at {tuple(outside[0].tolist())} is outside the domain: move it into {lower} to {upper}"
+                f"load or spring at {tuple(outside[0].tolist())} is outside the domain: move it into {lower} to {upper}"
             )
+
+    @property
+    def held(self) -> tuple[Support, ...]:
+        """The supports that hold nodes."""
+        return tuple(support for support in self.supports if isinstance(support, Support))
+
+    @property
+    def edges(self) -> tuple[EdgeSupport, ...]:
+        """The supports along the outline."""
+        return tuple(support for support in self.supports if isinstance(support, EdgeSupport))
+
+    @property
+    def springs(self) -> tuple[Spring, ...]:
+        """The springs."""
+        return tuple(support for support in self.supports if isinstance(support, Spring))
+
+    @property
+    def is_displaced(self) -> bool:
+        """Whether a support prescribes a displacement other than zero."""
+        return any(any(support.displacement) for support in self.held)

@@ -61,20 +61,30 @@ def equilibrium(
     if not np.all(np.isfinite(moduli)) or np.min(moduli) < 0:
         raise ValueError("point moduli must be finite and not negative: check the densities")
     if f_ext is None:
-        if not model.body.loads:
+        if not model.body.loads and not model.body.is_displaced:
             raise InvalidScene("the body has no load: add one, or give the nodal forces `f_ext`")
         if model.forces.weight is not None:
             raise InvalidScene("weight is by density, and none is given: give the forces `f_ext=model.force(rho)`")
         f_ext = model.f_ext
     tol = model.solver.tolerance if tol is None else tol
     solve = tangent(model, moduli, tol) if factored is None else factored
-    found = checked_solve(model, moduli, solve, f_ext, tol=tol, max_solves=max_solves)
+    found = _displaced(model, moduli, solve, f_ext, tol, max_solves)
     if model not in _ANALYSED:
         _ANALYSED.add(model)
         unseen = energy_warning(model.grid, model.points, model.transfer, found.u, found.strain, moduli)
         if unseen is not None:
             warnings.warn(unseen, stacklevel=2)
     return Equilibrium(moduli, f_ext, found.u, found.strain, solve, tol, found.solves, found.residual)
+
+
+def _displaced(model: Model, moduli: Array, solve: Solve, f_ext: Array, tol: float, max_solves: int) -> "Solution":
+    """u = g + w of prescribed displacements g and K w = f_ext - K g, w zero where held."""
+    g = model.prescribed
+    if g is None:
+        return checked_solve(model, moduli, solve, f_ext, tol=tol, max_solves=max_solves)
+    lifted = f_ext - model.resistance(moduli, g)
+    w = checked_solve(model, moduli, solve, lifted, tol=tol, max_solves=max_solves)
+    return w._replace(u=g + w.u, strain=model.transfer.strain(g) + w.strain)
 
 
 def tangent(model: Model, moduli: Array, tol: float) -> Solve:
@@ -85,7 +95,7 @@ def tangent(model: Model, moduli: Array, tol: float) -> Solve:
 
 def residual(model: Model, moduli: Array, u: Array, load: Array, strain: Array | None = None) -> Array:
     """R = load - f_int(u) (m,) over the free degrees of freedom; `strain` (p, 3) if it is known."""
-    return (load - _internal_force(model, moduli, u, strain))[model.stiffness.dof]
+    return (load - model.resistance(moduli, u, strain))[model.stiffness.dof]
 
 
 class Solution(NamedTuple):
@@ -136,9 +146,9 @@ def moduli_gradient(model: Model, state: Equilibrium, found: Adjoint) -> Array:
     """
     by_moduli = np.zeros_like(state.moduli)
     if found.work != 0:
-        by_moduli = found.work * _by_moduli(model, state, state.u, state.strain)
+        by_moduli = -found.work * model.work(state.u, state.strain, state.u, state.strain)
     if found.mu is not None:
-        by_moduli = by_moduli + _by_moduli(model, state, found.mu.u, found.mu.strain)
+        by_moduli = by_moduli - model.work(found.mu.u, found.mu.strain, state.u, state.strain)
     return by_moduli
 
 
@@ -147,13 +157,6 @@ def load_gradient(model: Model, state: Equilibrium, found: Adjoint) -> Array | N
     none does."""
     by = 2 * found.work * state.u if found.mu is None else 2 * found.work * state.u + found.mu.u
     return model.force_work(by)
-
-
-def _by_moduli(model: Model, state: Equilibrium, v: Array, strain: Array) -> Array:
-    energy = strain @ model.D
-    energy *= state.strain
-    by_strain = -model.points.volume * np.sum(energy, axis=1)
-    return by_strain - model.ghost.work(v, state.u)
 
 
 @np.errstate(over="ignore", invalid="ignore")  # what leaves the range is refused below, by name
@@ -192,7 +195,7 @@ def checked_solve(
     if not np.any(R):
         return Solution(u, model.transfer.strain(u), 0, 0.0)
     size = np.linalg.norm(R)
-    stored = 0.0 if state is None or scale is not None else abs(float(state @ _internal_force(model, moduli, state)))
+    stored = 0.0 if state is None or scale is not None else abs(float(state @ model.resistance(moduli, state)))
     for count in range(1, max_solves + 1):
         with mechanism_named(model, moduli):
             u[free] += solve(R)
@@ -218,12 +221,6 @@ def checked_solve(
         f"{tol:.0e}): the stiffness is nearly singular at {place(model, moduli, int(np.argmax(np.abs(correction))))}; "
         "raise E_min / E0 (`contrast`) or support the body better"
     )
-
-
-def _internal_force(model: Model, moduli: Array, u: Array, strain: Array | None = None) -> Array:
-    """K u (2a,), a ghost penalty included, before any degree of freedom is held; `strain` (p, 3) if it is known."""
-    stress = model.stress(moduli, model.transfer.strain(u) if strain is None else strain)
-    return model.internal_force(stress) + model.ghost.force(moduli, u)
 
 
 def _part(part: float, whole: float) -> float:

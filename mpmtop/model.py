@@ -23,6 +23,7 @@ from mpmtop.region import divisions
 from mpmtop.shape_functions import Ends, ShapeFunction, tent
 from mpmtop.solvers import Lattice, Pattern, Solver, choose_solver
 from mpmtop.stiffness import Stiffness, stiffness
+from mpmtop.ties import Ties, stated_ties, tie
 from mpmtop.transfer import Functions, Transfer, body_ends, functions_at, transfer
 
 
@@ -41,15 +42,18 @@ class Model:
     ends: tuple[Ends, Ends]  # of the body [nodes], where B-splines end
     transfer: Transfer
     ghost: GhostPenalty
+    ties: Ties
     stiffness: Stiffness
     solver: Solver
     findings: tuple[ModelWarning, ...]  # how the model misleads about the body, see `mpmtop.diagnose`
 
     def __post_init__(self) -> None:
         nodes = self.grid.node_positions(self.transfer.nodes)
-        held = held_dofs(self.body.supports, nodes, 1e-9 * min(self.grid.h))
+        held = held_dofs(self.body.held, nodes, 1e-9 * min(self.grid.h))
         if np.any(held[self.stiffness.dof]) or len(held) - np.count_nonzero(held) != len(self.stiffness.dof):
             raise InvalidScene("the stiffness was made for other supports: discretise the body anew")
+        if self.ties.stated != stated_ties(self.body):
+            raise InvalidScene("the stiffness was made for other springs or edges: discretise the body anew")
         if not np.array_equal(self.stiffness.D, self.D):
             raise InvalidScene("the stiffness was made of another material: discretise the body anew")
 
@@ -80,6 +84,25 @@ class Model:
     def force_work(self, v: Array) -> Array | None:
         """v . df/drho (p,) of the loads that follow the density, for nodal v (2a,); None if none does."""
         return None if self.forces.weight is None else self.forces.weight.T @ v
+
+    @cached_property
+    def prescribed(self) -> Array | None:
+        """Nodal displacements (2a,) that supports prescribe, zero elsewhere; None if all are zero."""
+        if not self.body.is_displaced:
+            return None
+        nodes = self.grid.node_positions(self.transfer.nodes)
+        return prescribed(self.body.held, nodes, 1e-9 * min(self.grid.h))
+
+    def resistance(self, moduli: Array, u: Array, strain: Array | None = None) -> Array:
+        """K u (2a,) before any degree of freedom is held, ghost penalty and ties included; `strain` (p, 3) if known."""
+        stress = self.stress(moduli, self.transfer.strain(u) if strain is None else strain)
+        return self.internal_force(stress) + self.ghost.force(moduli, u) + self.ties.force(moduli, u)
+
+    def work(self, v: Array, strain_v: Array, u: Array, strain_u: Array) -> Array:
+        """v . dK/dE_p u (p,) = V_p eps_p(v) . D eps_p(u), and the parts of ghost penalty and edges."""
+        energy = strain_v @ self.D
+        energy *= strain_u
+        return self.points.volume * np.sum(energy, axis=1) + self.ghost.work(v, u) + self.ties.work(v, u)
 
     def at(self, x: Array, half_length: Array | float = 0.0) -> Functions:
         """The functions at positions x (k, 2) of the body, as at points with domains of `half_length` (k, 2) there.
@@ -148,16 +171,18 @@ def discretise(
     weighted = transfer(grid, points, shape_function, ends)
     forces = external_force(body.loads, body.domain, grid, points, shape_function, ends, weighted)
     f_ext = forces.at(np.ones(len(points.volume)))
-    found = findings(grid, points, weighted, shape_function, body.supports, f_ext, seeded_in)
+    found = findings(grid, points, weighted, shape_function, body.held, f_ext, seeded_in)
     penalty = ghost_penalty(ghost, grid, points, weighted, shape_function)
     if b_bar:
         if body.material.plane == "stress":
             raise InvalidScene("b_bar: plane stress does not lock, and B-bar only makes it softer; leave it off")
         weighted = with_mean_dilatation(grid, points, weighted)
-    held = held_dofs(body.supports, grid.node_positions(weighted.nodes), 1e-9 * min(grid.h))
-    K = stiffness(grid, points, weighted, tangent(body.material), held, penalty)
+    held = held_dofs(body.held, grid.node_positions(weighted.nodes), 1e-9 * min(grid.h))
+    D = tangent(body.material)
+    ties = tie(body, grid, points, weighted, shape_function, ends, D)
+    K = stiffness(grid, points, weighted, D, held, penalty, ties)
     chosen = solver(_pattern(grid, weighted, K))
-    model = Model(body, grid, points, shape_function, ends, weighted, penalty, K, chosen, found)
+    model = Model(body, grid, points, shape_function, ends, weighted, penalty, ties, K, chosen, found)
     if body.loads:
         check_loads(model)
     for finding in found:
@@ -175,15 +200,16 @@ def held_otherwise(models: Sequence[Model], body: Body) -> Model:
     """A model of a body that differs in loads and supports from those that there are: with the stiffness of the first
     that is held in the same degrees of freedom, or one of its own."""
     model = models[0]
-    held = held_dofs(body.supports, model.grid.node_positions(model.transfer.nodes), 1e-9 * min(model.grid.h))
+    held = held_dofs(body.held, model.grid.node_positions(model.transfer.nodes), 1e-9 * min(model.grid.h))
     free = np.flatnonzero(~held)
     for alike in models:
-        if np.array_equal(free, np.sort(alike.stiffness.dof)):
+        if np.array_equal(free, np.sort(alike.stiffness.dof)) and alike.ties.stated == stated_ties(body):
             return replace(alike, body=body)
-    K = stiffness(model.grid, model.points, model.transfer, model.D, held, model.ghost)
+    ties = tie(body, model.grid, model.points, model.transfer, model.shape_function, model.ends, model.D)
+    K = stiffness(model.grid, model.points, model.transfer, model.D, held, model.ghost, ties)
     solver: Any = model.solver  # all are dataclasses
     again = replace(solver, pattern=_pattern(model.grid, model.transfer, K))
-    return replace(model, body=body, stiffness=K, solver=again)
+    return replace(model, body=body, ties=ties, stiffness=K, solver=again)
 
 
 def _pattern(grid: Grid, weighted: Transfer, K: Stiffness) -> Pattern:
@@ -205,3 +231,19 @@ def held_dofs(supports: tuple[Support, ...], position: Array, tol: float) -> Mas
             )
         held |= inside[:, None] & np.array(support.fixed)
     return held.ravel()
+
+
+def prescribed(supports: tuple[Support, ...], position: Array, tol: float) -> Array:
+    """Displacements (2a,) that supports prescribe at nodes at `position` (a, 2); InvalidScene where two disagree."""
+    value = np.full((len(position), 2), np.nan)
+    for support in supports:
+        at = support.region.contains(position, tol)[:, None] & np.array(support.fixed)
+        given = np.broadcast_to(support.displacement, value.shape)
+        other = at & ~np.isnan(value) & (value != given)
+        if np.any(other):
+            x, y = position[np.any(other, axis=1)][0]
+            raise InvalidScene(
+                f"two supports displace the node at ({x:g}, {y:g}) differently: let their regions be apart"
+            )
+        value[at] = given[at]
+    return np.nan_to_num(value).ravel()

@@ -111,11 +111,10 @@ def scene(of: Scene, model: Any = None, ax: Axes | None = None) -> Axes:
             _region(ax, part, of.body.domain, colour)
             handles.append(Patch(color=colour, label=label))
     if model is None:
-        for support in of.body.supports:
-            _region(ax, support.region, of.body.domain, BLUE, reach=0.01)
-        handles.append(Patch(color=BLUE, label="support"))
-    else:
-        handles += _discretised(ax, layout(model))
+        for region in (support.region for kind in (of.body.held, of.body.edges) for support in kind):
+            _region(ax, region, of.body.domain, BLUE, reach=0.01)
+        ax.plot(*np.reshape([spring.position for spring in of.body.springs], (-1, 2)).T, "D", color=BLUE)
+    handles += [Patch(color=BLUE, label="support")] if model is None else _discretised(ax, layout(model))
     span = 0.18 * float(sides.max())
     for at, force in (arrow for load in of.body.loads for arrow in _arrows(load, of.body.domain)):
         tip = at + span * force / max(float(np.hypot(*force)), np.finfo(float).tiny)

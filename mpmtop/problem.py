@@ -196,7 +196,9 @@ class DesignProblem(DesignVariables):
         transfer, ghost = model.transfer, model.ghost
         touched = transfer.touched
         weights = (case.forces.weight for case in self.models)
-        sparse = (ghost.jump, ghost.modulus, *(weight for weight in weights if weight is not None))
+        tied = ((case.ties.spring, case.ties.hold, case.ties.pull, case.ties.modulus) for case in self.models)
+        ties = (part for parts in tied for part in parts if part.shape[0] > 0)
+        sparse = (ghost.jump, ghost.modulus, *(weight for weight in weights if weight is not None), *ties)
         whole = (
             *(
                 touched.sum(axis=1),
@@ -212,6 +214,7 @@ class DesignProblem(DesignVariables):
             *(model.grid.cell_coordinates(grid_points.x), grid_points.volume),
             *(() if transfer.b_bar is None else (transfer.b_bar[touched],)),
             *(matrix.data for matrix in sparse),
+            *(case.prescribed for case in self.models if case.prescribed is not None),
             *(force for case in self.models[1:] for force in (case.f_ext,)),
             *(model.forces_of((each.unit_load,)).fixed for each in self._displacements),
         )

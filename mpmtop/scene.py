@@ -99,8 +99,8 @@ def _check_cases(objective: Criterion | Worst, constraints: tuple[AtMost, ...], 
 
 
 def _check_loads(body: Body, design: Design) -> None:
-    if not body.loads:
-        raise InvalidScene("the body has no load, and nothing to minimise: add one")
+    if not body.loads and not body.is_displaced:
+        raise InvalidScene("the body has no load and no displaced support, and nothing to minimise: add one")
     if design.passive_void is None:
         return
     tol = 1e-9 * float(np.max(np.subtract(*body.domain.bounds[::-1])))

@@ -18,6 +18,7 @@ from mpmtop.arrays import Array, Index, Mask
 from mpmtop.ghost import GhostPenalty
 from mpmtop.grid import Grid
 from mpmtop.points import MaterialPoints
+from mpmtop.ties import Ties
 from mpmtop.transfer import Transfer
 from mpmtop.voigt import local_B
 
@@ -89,8 +90,8 @@ class Stiffness:
     """Lower triangle of K in the numbering of the unknowns.
 
     `dof` (m,) is the degree of freedom (2 node + component, see `Transfer`) of each unknown; `row` >= `col` (nnz,) the
-    pattern, exact zeros included, sorted by column; `maps` turn moduli (p,) into entries (nnz,), which add up. `D`
-    (3, 3) is the tangent at unit modulus that they were made of.
+    pattern, exact zeros included, sorted by column; `maps` turn moduli (p,) into entries (nnz,), which add up, and
+    springs add a `constant` (nnz,). `D` (3, 3) is the tangent at unit modulus that they were made of.
     """
 
     dof: Index
@@ -98,14 +99,16 @@ class Stiffness:
     col: Index
     maps: tuple[sp.csr_array | CellMap, ...]
     D: Array
+    constant: Array | None = None
 
     def data(self, moduli: Array) -> Array:
         """Entries (nnz,) of the lower triangle for point moduli (p,)."""
-        return sum((part @ moduli for part in self.maps[1:]), start=self.maps[0] @ moduli)
+        entries = sum((part @ moduli for part in self.maps[1:]), start=self.maps[0] @ moduli)
+        return entries if self.constant is None else entries + self.constant
 
     @cached_property
     def data_map(self) -> sp.csr_array:
-        """The map (nnz, p) as one sparse matrix, which no analysis needs."""
+        """The map (nnz, p) as one sparse matrix, which no analysis needs; without the constant part."""
         parts = [part.tocsr() for part in self.maps]
         return sum(parts[1:], start=parts[0])
 
@@ -124,7 +127,7 @@ def narrow_order(grid: Grid, transfer: Transfer) -> Index:
 
 
 def stiffness(
-    grid: Grid, points: MaterialPoints, transfer: Transfer, D: Array, held: Mask, ghost: GhostPenalty
+    grid: Grid, points: MaterialPoints, transfer: Transfer, D: Array, held: Mask, ghost: GhostPenalty, ties: Ties
 ) -> Stiffness:
     """Pattern and map of K, with tangent D (3, 3) at unit modulus and the `held` (2a,) degrees of freedom left out."""
     order = narrow_order(grid, transfer)
@@ -135,15 +138,21 @@ def stiffness(
 
     m = max(len(dof), 1)
     key, cells = _cell_map(grid, points, transfer, D, unknown, m)
-    faces: tuple[sp.csr_array, ...] = ()
+    others = []
     if ghost.modulus.shape[0] > 0:
-        own, (face_key, face_map) = key, _face_map(ghost, unknown, m)
-        key = np.union1d(own, face_key)
+        others.append(_face_map(ghost, unknown, m))
+    if ties.modulus.shape[0] > 0:
+        others.append(_edge_map(ties, unknown, m))
+    springs = _spring_map(ties, unknown, m) if ties.spring.shape[0] > 0 else None
+    if others or springs is not None:
+        own = key
+        key = np.unique(np.concatenate([own, *(keys for keys, _ in (*others, *([springs] if springs else ())))]))
         among = np.append(np.searchsorted(key, own), len(key))
         place, span = _in_blocks(among[cells.entry], len(key))
         cells = replace(cells, shape=(len(key), cells.shape[1]), place=place, span=span)
-        faces = (_among(key, face_key, face_map),)
-    return Stiffness(dof, key % m, key // m, (cells.smaller(), *faces), D)
+    maps = (cells.smaller(), *(_among(key, keys, part) for keys, part in others))
+    constant = None if springs is None else _among(key, *springs).sum(axis=1)
+    return Stiffness(dof, key % m, key // m, maps, D, constant)
 
 
 def _local(grad_N: Array, b_bar: Array | None, volume: Array, D: Array) -> Array:
@@ -237,6 +246,36 @@ def _face_map(ghost: GhostPenalty, unknown: Index, m: int) -> tuple[Index, sp.cs
     face_local = np.repeat(jump[:, :, None] * jump[:, None, :], 2, axis=0)
     key, face_map = _lower_triangle(face_unknown, face_local, m)
     return key, face_map @ ghost.modulus[np.repeat(np.arange(ghost.modulus.shape[0]), 4)]
+
+
+def _edge_map(ties: Ties, unknown: Index, m: int) -> tuple[Index, sp.csr_array]:
+    """Keys and map (nnz, p) of the entries of supports along the outline."""
+    both = sp.csr_array(abs(ties.hold) + abs(ties.pull))
+    column, (hold, pull) = _by_row(both, ties.hold, ties.pull)
+    crossed = hold[:, :, None] * pull[:, None, :]
+    local = ties.penalty[:, None, None] * hold[:, :, None] * hold[:, None, :] - crossed - crossed.swapaxes(1, 2)
+    key, edge_map = _lower_triangle(np.where(column >= 0, unknown[column], -1), local, m)
+    return key, edge_map @ ties.modulus
+
+
+def _spring_map(ties: Ties, unknown: Index, m: int) -> tuple[Index, sp.csr_array]:
+    """Keys and map (nnz, s) of the springs' entries."""
+    column, (spring,) = _by_row(ties.spring, ties.spring)
+    return _lower_triangle(np.where(column >= 0, unknown[column], -1), spring[:, :, None] * spring[:, None, :], m)
+
+
+def _by_row(pattern: sp.csr_array, *matrices: sp.csr_array) -> tuple[Index, list[Array]]:
+    """Columns (r, k) of the rows of a pattern, -1 beyond their number, and entries (r, k) of matrices there."""
+    count = np.diff(pattern.indptr)
+    place = np.repeat(np.arange(len(count)), count), np.arange(pattern.nnz) - np.repeat(pattern.indptr[:-1], count)
+    column = np.full((len(count), count.max()), -1)
+    column[place] = pattern.indices
+    found = []
+    for matrix in matrices:
+        entries = np.zeros(column.shape)
+        entries[place] = np.asarray(matrix[place[0], pattern.indices]).ravel()
+        found.append(entries)
+    return column, found
 
 
 def _lower_triangle(unknown: Index, local: Array, m: int) -> tuple[Index, sp.csr_array]:

@@ -39,7 +39,8 @@ def unit_work(model: FemModel, v: Array, u: Array) -> Array:
         force = u_e @ model.matrices[0]  # symmetric
     else:
         force = np.matmul(model.matrices[model.shape], u_e[:, :, None])[:, :, 0]
-    return np.sum(force * v_e, axis=1)
+    work = np.sum(force * v_e, axis=1)
+    return work if len(model.ties.alpha) == 0 else work + model.ties.unit_work(v, u, len(work))
 
 
 def _without_translation(u_e: Array) -> Array:

@@ -41,7 +41,10 @@ def fields_at_elements(model: FemModel, state: State, rho: Array) -> Fields:
     element = basis.element_dofs.T
     force = state.moduli[:, None] * np.einsum("eab,eb->ea", model.matrices[model.shape], u[element])
     reaction = np.bincount(element.ravel(), force.ravel(), basis.N) - load
-    reaction[model.free] = 0
+    ties = model.ties
+    tied = np.zeros(basis.N, bool)
+    tied[np.concatenate([ties.spring.indices, ties.hold.indices, ties.pull.indices])] = True
+    reaction[model.free] = np.where(tied, reaction, 0.0)[model.free]
     components = basis.split_indices()
     corner = u[basis.nodal_dofs[:, basis.mesh.t]]  # (2, 4, e)
     return Fields(

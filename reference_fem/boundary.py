@@ -9,19 +9,20 @@ from scipy.spatial import cKDTree
 from skfem import CellBasis, MeshQuad
 
 from mpmtop.arrays import Array, Index, Mask
-from mpmtop.body import Support
-from mpmtop.errors import LoadOutsideBody, UnsupportedBody
+from mpmtop.body import Body, Support
+from mpmtop.errors import InvalidScene, LoadOutsideBody, UnsupportedBody
 from reference_fem.mesh import GEOMETRY_TOLERANCE, corner_jacobians, element_centres, element_sides, shortest_side
 
 Locate = Callable[[CellBasis, Array], tuple[Index, Array]]
 
 
-def held_dofs(supports: tuple[Support, ...], basis: CellBasis, tol: float) -> Mask:
-    """Which of the dofs (N,) the supports hold. Raises UnsupportedBody if they leave a part of the body free."""
+def held_dofs(body: Body, basis: CellBasis, tol: float) -> Mask:
+    """Which of the dofs (N,) the supports hold. Raises UnsupportedBody if they leave a part of the body free, which a
+    body on springs or held edges may be until it is factored."""
     components = basis.split_indices()
     x = basis.doflocs.T
     held = np.zeros(basis.N, bool)
-    for support in supports:
+    for support in body.held:
         inside = support.region.contains(x, tol)
         if not inside.any():
             lower, upper = support.region.bounds
@@ -30,8 +31,23 @@ def held_dofs(supports: tuple[Support, ...], basis: CellBasis, tol: float) -> Ma
             )
         for dofs, fixed in zip(components, support.fixed, strict=True):
             held[dofs] |= fixed & inside[dofs]
-    _check_rigid_motions(basis, held)
+    if not (body.edges or body.springs):
+        _check_rigid_motions(basis, held)
     return held
+
+
+def prescribed(supports: tuple[Support, ...], basis: CellBasis, tol: float) -> Array:
+    """Displacements (N,) that supports prescribe, zero elsewhere; InvalidScene where two disagree."""
+    x = basis.doflocs.T
+    value, given = np.zeros(basis.N), np.zeros(basis.N, bool)
+    for support in supports:
+        inside = support.region.contains(x, tol)
+        for dofs, fixed, u in zip(basis.split_indices(), support.fixed, support.displacement, strict=True):
+            own = dofs[inside[dofs]] if fixed else dofs[:0]
+            if np.any(given[own] & (value[own] != u)):
+                raise InvalidScene(f"two supports displace the node at {x[own][0]} differently: move one of them")
+            value[own], given[own] = u, True
+    return value
 
 
 def _check_rigid_motions(basis: CellBasis, held: Mask) -> None:

@@ -11,12 +11,12 @@ import numpy as np
 
 from mpmtop.arrays import Array
 from mpmtop.body import Body
-from mpmtop.criteria import AtMost, Criterion, Volume, Worst
+from mpmtop.criteria import AtMost, Compliance, Criterion, Volume, Worst
 from mpmtop.errors import InvalidScene
 from mpmtop.loads import check_work
 from mpmtop.scene import LoadCase, case_bodies
-from reference_fem.boundary import held_dofs
-from reference_fem.elasticity import FemModel, State, fem_model, inverse_stiffness
+from reference_fem.boundary import held_dofs, prescribed
+from reference_fem.elasticity import FemModel, State, displacements, fem_model, inverse_stiffness, resistance
 from reference_fem.factorise import Solve
 from reference_fem.mesh import GEOMETRY_TOLERANCE, shortest_side
 from reference_fem.objectives import Objective
@@ -40,14 +40,17 @@ def _in_case(models: Sequence[FemModel], body: Body) -> FemModel:
     if model.forces_of is None:
         raise InvalidScene("this model was given its load vector and knows no load cases: discretise the body")
     forces = model.forces_of(body)
-    held = held_dofs(body.supports, model.basis, GEOMETRY_TOLERANCE * shortest_side(model.basis.mesh))
+    tol = GEOMETRY_TOLERANCE * shortest_side(model.basis.mesh)
+    held = held_dofs(body, model.basis, tol)
     free = np.flatnonzero(~held)
     for alike in models:
-        if np.array_equal(np.sort(alike.free), free):
-            found = replace(alike, body=body, f_ext=forces.fixed, weight=forces.weight)
+        tied_alike = (alike.body.edges, alike.body.springs) == (body.edges, body.springs)
+        if np.array_equal(np.sort(alike.free), free) and tied_alike:
+            u = prescribed(body.held, model.basis, tol) if body.is_displaced else None
+            found = replace(alike, body=body, f_ext=forces.fixed, weight=forces.weight, prescribed=u)
             break
     else:
-        new = fem_model(body, model.basis, forces.fixed, model.eliminate, weight=forces.weight)
+        new = fem_model(body, model.basis, forces.fixed, model.eliminate, kind=model.kind, weight=forces.weight)
         found = replace(new, forces_of=model.forces_of)
     check_work(found.force(np.ones(len(found.area)))[found.free], forces.size)
     return found
@@ -61,7 +64,7 @@ def states(models: tuple[FemModel, ...], moduli: Array, rho: Array) -> tuple[Sta
         if id(model.stiffness) not in inverses:
             inverses[id(model.stiffness)] = inverse_stiffness(model, moduli)
         inverse = inverses[id(model.stiffness)]
-        found.append(State(moduli, inverse(model.force(rho)), inverse))
+        found.append(State(moduli, displacements(model, moduli, inverse, model.force(rho)), inverse))
     return tuple(found)
 
 
@@ -82,8 +85,15 @@ class Sum(NamedTuple):
 
     def value(self, models: tuple[FemModel, ...], found: tuple[State, ...], rho: Array) -> float:
         """At densities rho (e,) and the states of all cases."""
-        values = (part.factor * part.of.value(models[part.case], rho, found[part.case].u) for part in self.parts)
-        return sum(values, start=0.0) - self.bound
+        total = -self.bound
+        for factor, of, case in self.parts:
+            model, state = models[case], found[case]
+            total += factor * of.value(model, rho, state.u)
+            if model.prescribed is not None and isinstance(self.criterion, Compliance):
+                # the work of prescribed displacements: minus twice the potential energy is left
+                reaction = resistance(model, state.moduli, state.u) - model.force(rho)
+                total -= factor * float(reaction @ model.prescribed)
+        return total
 
 
 def objective_sums(stated: Criterion | Worst, of: Objective, cases: tuple[LoadCase, ...]) -> tuple[Sum, ...]:

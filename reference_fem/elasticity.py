@@ -19,7 +19,7 @@ from mpmtop.body import Body, Material
 from mpmtop.criteria import StressMeasure
 from mpmtop.errors import InvalidScene, NotConverged
 from mpmtop.loads import action, check_work
-from reference_fem.boundary import held_dofs, nodal_forces
+from reference_fem.boundary import held_dofs, nodal_forces, prescribed
 from reference_fem.factorise import Factorise, Solve, choose_elimination, minimum_degree_superlu
 from reference_fem.forces import Forces, distributed
 from reference_fem.mesh import (
@@ -33,7 +33,9 @@ from reference_fem.mesh import (
     shortest_side,
     vector_basis,
 )
-from reference_fem.outline import ANY_MESH, LATTICE
+from reference_fem.outline import ANY_MESH, LATTICE, MeshKind
+from reference_fem.stiffness import StiffnessMap, numbering, stiffness_map
+from reference_fem.ties import Ties, tie
 
 Eliminate = Callable[[CellBasis, Index], tuple[Index, Factorise]]  # free dofs (n,) -> in what order, and how
 
@@ -41,23 +43,6 @@ Eliminate = Callable[[CellBasis, Index], tuple[Index, Factorise]]  # free dofs (
 # densities drawn at random, whose void of modulus 1e-9 carries load, 1e-9 at 410,000 dofs, and refinement in double
 # precision does not lower it. |r| / |f| would read ten times that and say nothing about f.u.
 ENERGY_TOLERANCE = 1e-7
-
-
-@dataclass(frozen=True, eq=False)
-class StiffnessMap:
-    """Free stiffness as a linear map of the moduli: K.data = weights @ young on a fixed pattern, (n, n) in full.
-
-    An exact zero of an element matrix stays an entry, so the pattern depends on the mesh alone.
-    """
-
-    weights: sp.csr_matrix
-    indices: Index
-    indptr: Index
-
-    def __call__(self, young: Array) -> sp.csc_matrix:
-        """K (n, n) for element moduli young (e,), rows and columns in order of elimination."""
-        n = len(self.indptr) - 1
-        return sp.csc_matrix((self.weights @ young, self.indices, self.indptr), shape=(n, n))
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +58,9 @@ class FemModel:
     f_ext       (N,) load vector [force], but for loads that follow the density
     weight      (N, e) these by the density of each element, None if there is none
     eliminate   how free dofs are ordered and factorised
+    kind        lattice or any other mesh
     forces_of   load vectors of any loads of the body; None where the model was given its own
+    prescribed  (N,) displacements that supports prescribe, zero elsewhere; None if all are zero
     """
 
     body: Body
@@ -85,9 +72,12 @@ class FemModel:
     shape: Index
     f_ext: Array
     weight: sp.csr_matrix | None
+    ties: Ties
+    prescribed: Array | None
     stiffness: StiffnessMap
     factorise: Factorise
     eliminate: Eliminate
+    kind: MeshKind
     forces_of: Callable[[Body], Forces] | None = None
 
     def force(self, rho: Array) -> Array:
@@ -136,7 +126,7 @@ def discretise(
         return Forces(at_places + spread.fixed, spread.weight, float(np.abs(forces).sum()) + spread.size)
 
     loads = forces_of(body)
-    model = replace(fem_model(body, basis, loads.fixed, eliminate, weight=loads.weight), forces_of=forces_of)
+    model = replace(fem_model(body, basis, loads.fixed, eliminate, kind=kind, weight=loads.weight), forces_of=forces_of)
     if body.loads:
         check_work(model.force(np.ones(len(model.area)))[model.free], loads.size)
     return model
@@ -147,7 +137,7 @@ def lattice_elimination(basis: CellBasis, free: Index) -> tuple[Index, Factorise
     step = basis.elem.maxdeg // 2  # dof locations per element side: 1 bilinear, 2 biquadratic
     location = basis.doflocs[:, free].T - basis.mesh.p.min(axis=1)
     ix = np.rint(step * location / element_sides(basis.mesh).min(axis=0)).astype(np.intp)
-    return choose_elimination(ix, _numbering(basis.N, free)[basis.element_dofs.T])
+    return choose_elimination(ix, numbering(basis.N, free)[basis.element_dofs.T])
 
 
 def minimum_degree_elimination(basis: CellBasis, free: Index) -> tuple[Index, Factorise]:
@@ -165,15 +155,18 @@ def fem_model(
     f_ext: Array,
     eliminate: Eliminate = lattice_elimination,
     *,
+    kind: MeshKind = LATTICE,
     weight: sp.csr_matrix | None = None,
 ) -> FemModel:
     """Model of supports and material on a basis over quads, under the load vector f_ext (N,) and `weight` (N, e)."""
-    held = held_dofs(body.supports, basis, GEOMETRY_TOLERANCE * shortest_side(basis.mesh))
+    tol = GEOMETRY_TOLERANCE * shortest_side(basis.mesh)
+    held = held_dofs(body, basis, tol)
     unordered = np.flatnonzero(~held)
     order, factorise = eliminate(basis, unordered)
     free = unordered[order]
     matrices, shape = unit_stiffness(basis, body.material)
-    dofs = _numbering(basis.N, free)[basis.element_dofs.T]
+    ties = tie(body, basis, kind, *lame(body.material))
+    number = numbering(basis.N, free)
     return FemModel(
         body=body,
         basis=basis,
@@ -184,17 +177,13 @@ def fem_model(
         shape=shape,
         f_ext=f_ext,
         weight=weight,
-        stiffness=_stiffness_map(dofs, matrices[shape], len(free)),
+        ties=ties,
+        prescribed=prescribed(body.held, basis, tol) if body.is_displaced else None,
+        stiffness=stiffness_map(number, basis.element_dofs.T, matrices[shape], len(free), ties),
         factorise=factorise,
         eliminate=eliminate,
+        kind=kind,
     )
-
-
-def _numbering(total: int, numbered: Index) -> Index:
-    """Inverse (total,) of a choice of dofs: its place in `numbered`, -1 for a dof that is not in it."""
-    number = np.full(total, -1)
-    number[numbered] = np.arange(len(numbered))
-    return number
 
 
 def unit_stiffness(basis: CellBasis, material: Material) -> tuple[Array, Index]:
@@ -225,21 +214,22 @@ def lame(material: Material) -> tuple[float, float]:
     return lam, 1 / (2 * (1 + nu))
 
 
-def _stiffness_map(dofs: Index, matrices: Array, n: int) -> StiffnessMap:
-    """Map from moduli (e,) to K.data for element dofs (e, d), -1 where held, and unit matrices (e, d, d)."""
-    e, d = dofs.shape
-    rows, columns = np.broadcast_to(dofs[:, :, None], (e, d, d)), np.broadcast_to(dofs[:, None, :], (e, d, d))
-    free = (rows >= 0) & (columns >= 0)
-    keys, entry = np.unique(columns[free] * n + rows[free], return_inverse=True)
-    element = np.broadcast_to(np.arange(e)[:, None, None], (e, d, d))[free]
-    weights = sp.csr_matrix((matrices[free], (entry, element)), shape=(len(keys), e))
-    indptr = np.searchsorted(keys // n, np.arange(n + 1))
-    return StiffnessMap(weights, (keys % n).astype(np.int32), indptr.astype(np.int32))
-
-
 def solve(model: FemModel, young: Array) -> Array:
     """Displacements u (N,), K(E) u = f, for element moduli young (e,). Raises as `inverse_stiffness` and its result."""
-    return inverse_stiffness(model, young)(model.f_ext)
+    return displacements(model, young, inverse_stiffness(model, young), model.f_ext)
+
+
+def displacements(model: FemModel, young: Array, inverse: Solve, force: Array) -> Array:
+    """u = g + w (N,) of prescribed displacements g and K w = force - K g, w zero where held, by K^-1."""
+    g = model.prescribed
+    return inverse(force) if g is None else g + inverse(force - resistance(model, young, g))
+
+
+def resistance(model: FemModel, young: Array, u: Array) -> Array:
+    """K u (N,), before any dof is held, springs and edges included."""
+    dofs = model.basis.element_dofs.T
+    force = young[:, None] * np.matmul(model.matrices[model.shape], u[dofs][:, :, None])[:, :, 0]
+    return np.bincount(dofs.ravel(), force.ravel(), model.basis.N) + model.ties.force(young, u)
 
 
 def inverse_stiffness(model: FemModel, young: Array) -> Solve:

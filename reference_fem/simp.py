@@ -163,11 +163,14 @@ class DesignProblem(DesignVariables):
         )
         digest = hashlib.sha256(repr(said).encode())
         corners = model.basis.mesh.p[:, model.basis.mesh.t]
-        sparse = (self.H, *(case.weight for case in self.models if case.weight is not None))
+        rows = (row for case in self.models for row in (case.ties.spring, case.ties.hold, case.ties.pull))
+        ties = (row for row in rows if row.shape[0] > 0)
+        sparse = (self.H, *(case.weight for case in self.models if case.weight is not None), *ties)
         weights = (part for matrix in sparse for part in (matrix.data, matrix.indices, matrix.indptr))
         in_cases = (array for case in self.models for array in (np.sort(case.free), case.f_ext))
+        given = (case.prescribed for case in self.models if case.prescribed is not None)
         asked = (unit_force(model, each) for each in self._displacements)
-        for array in (corners, *in_cases, *asked, space.solid, space.void, space.fixed, *weights):
+        for array in (corners, *in_cases, *given, *asked, space.solid, space.void, space.fixed, *weights):
             digest.update(array.tobytes())
         return digest.hexdigest()
 

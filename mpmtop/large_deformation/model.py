@@ -205,7 +205,9 @@ def _unknowns(body: Body, grid: Grid, shape_function: ShapeFunction) -> tuple[In
     lower, upper = body.domain.bounds
     nearest = np.clip(position, lower, upper) if spline else position
     held = np.zeros((len(position), 2), dtype=bool)
-    for support in body.supports:
+    if body.edges or body.springs or body.is_displaced:
+        raise InvalidScene("large deformation holds nodes at zero: no springs, edge supports or displacements")
+    for support in body.held:
         inside = support.region.contains(position, tol) | support.region.contains(nearest, tol)
         if not np.any(inside):
             at = support.region.bounds

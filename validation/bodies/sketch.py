@@ -125,7 +125,7 @@ def draw(
     axes = (np.arange(a, b + 1) * h for a, b in zip(first, last, strict=True))
     nodes = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
     inside = KDTree(points.x).query(nodes)[0] < 0.75 * h  # corners of the body's cells
-    for support in body.supports:
+    for support in body.held:
         held = nodes[support.region.contains(nodes, 1e-9) & inside]
         ax.scatter(held[:, 0], held[:, 1], marker="s", s=9, color="#d55e00", linewidths=0, label="held", zorder=3)
     size = float(np.max(upper - lower))

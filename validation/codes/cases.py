@@ -251,7 +251,7 @@ class Map:
             name,
             Body(
                 self.rectangle(body.domain),
-                tuple(Support(self.half_plane(s.region), self.flags(s.fixed)) for s in body.supports),
+                tuple(Support(self.half_plane(s.region), self.flags(s.fixed)) for s in body.held),
                 (),
                 replace(body.material, young=self.modulus * body.material.young),
             ),

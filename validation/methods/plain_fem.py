@@ -181,7 +181,7 @@ class PlainFem:
         K = stiffness.assemble(basis, young=density.interpolate(by_element(case.moduli)), nu=case.body.material.poisson)
         given, held = np.zeros(basis.N), []
         displaced = case.displaced(mesh.p.T)
-        for support in case.body.supports:
+        for support in case.body.held:
             inside = np.flatnonzero(support.region.contains(mesh.p.T, 1e-9 * float(case.points.half_length.min())))
             held += [basis.nodal_dofs[a, inside] for a in (0, 1) if support.fixed[a]]
         for a in (0, 1):

@@ -98,7 +98,7 @@ class Case:
         """The nodes of the grid that the supports hold, also those that no point touches."""
         position = self.grid.node_positions()
         fixed = np.zeros(position.shape, bool)
-        for support in self.body.supports:
+        for support in self.body.held:
             fixed |= np.outer(support.region.contains(position, 1e-9 * min(self.grid.h)), support.fixed)
         index = np.flatnonzero(fixed.any(axis=1))
         node = np.stack(np.divmod(index, self.grid.nodes[1]), axis=1)

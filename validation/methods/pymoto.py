@@ -128,7 +128,7 @@ def _network(case: Case, *, differentiated: bool = False) -> tuple[Any, Index, A
     element = KDTree(np.array(domain.get_element_position())[:2].T + lower).query(case.points.x)[1]
     nodes = np.array(domain.get_node_position())[:2].T + lower
     held = np.zeros(nodes.shape, bool)
-    for support in case.body.supports:
+    for support in case.body.held:
         held |= np.outer(support.region.contains(nodes, 1e-9 * float(size.min())), support.fixed)
     f = np.zeros(nodes.shape)
     np.add.at(f, domain.conn[element], case.carried[:, None] / 4)  # of bilinear functions at the centre

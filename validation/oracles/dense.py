@@ -70,7 +70,7 @@ def held(body: Body, grid: Grid, nodes: Index) -> Mask:
     """Which of the unknowns (2a,) are: nodes in a support's region, in its components."""
     line = np.stack([nodes // (grid.cells[1] + 1), nodes % (grid.cells[1] + 1)], axis=1)
     x = np.array(grid.origin) + line * np.array(grid.h)
-    by_support = [np.outer(s.region.contains(x, ON * min(grid.h)), s.fixed) for s in body.supports]
+    by_support = [np.outer(s.region.contains(x, ON * min(grid.h)), s.fixed) for s in body.held]
     any_support: Mask = np.any(by_support, axis=0)
     return any_support.ravel()
 

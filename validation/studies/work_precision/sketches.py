@@ -46,7 +46,7 @@ def _panel(ax: plt.Axes, body: Body, measured: np.ndarray | None) -> None:
     ax.scatter(points.x[:, 0], points.x[:, 1], s=5, color="0.8", linewidths=0)
     edge = points.x[:, None, :] + points.half_length[:, None, :] * np.array([(-1, 0), (1, 0), (0, 1), (0, -1)])
     edge = edge.reshape(-1, 2)
-    for support in body.supports:
+    for support in body.held:
         held = edge[support.region.contains(edge, 1e-9)]
         ax.scatter(held[:, 0], held[:, 1], s=7, color="#d55e00", linewidths=0)
     arrows(ax, body, points, 0.2 * size)
