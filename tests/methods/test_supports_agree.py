@@ -10,7 +10,7 @@ from mpmtop.body import Body, EdgeSupport, Material, Spring, Support
 from mpmtop.criteria import Compliance, PNormStress
 from mpmtop.design import Design
 from mpmtop.equilibrium import equilibrium
-from mpmtop.errors import InvalidScene, UnsupportedBody
+from mpmtop.errors import InvalidScene, NotConverged, UnsupportedBody
 from mpmtop.loads import PositionLoad, Traction
 from mpmtop.model import discretise
 from mpmtop.objectives import compliance
@@ -120,5 +120,5 @@ def test_what_elements_cannot_hold_is_named() -> None:
     with pytest.raises(InvalidScene, match=r"displace the node at .* differently"):
         elasticity.discretise(Body(BOX, twice, (load,)), 1.0)
     loose = elasticity.discretise(Body(BOX, (Spring((0, 0), 1.0, (1, 0)),), (load,)), 1.0)
-    with pytest.raises(UnsupportedBody, match="not positive definite"):
+    with pytest.raises((UnsupportedBody, NotConverged), match="hold the part"):  # a pivot is zero to rounding
         elasticity.solve(loose, np.ones(len(loose.area)))
