@@ -48,13 +48,15 @@ class Step(NamedTuple):
 
 
 def coarsening(lines: tuple[int, int], h: tuple[float, float], coarsest: int = COARSEST) -> list[Step]:
-    """Steps from a lattice of so many lines and cells of size h to one of no more than `coarsest` unknowns.
+    """Steps from a lattice of so many lines and cells of size h to one of no more than `coarsest` unknowns, one step at
+    least.
 
     An axis waits while its lines are further apart than the other's (Galerkin with point smoothers wants cells that are
     about square), or when it has few.
     """
-    steps, n, spacing = [], list(lines), list(h)
-    while max(n) > 4 and 2 * n[0] * n[1] > coarsest:
+    steps: list[Step] = []
+    n, spacing = list(lines), list(h)
+    while max(n) > 4 and (not steps or 2 * n[0] * n[1] > coarsest):
         long = [a for a in (0, 1) if n[a] > 4]
         axes = tuple(a for a in long if spacing[a] < 1.5 * min(spacing[b] for b in long))
         along = [_interpolation(n[a]) if a in axes else sp.eye_array(n[a]) for a in (0, 1)]

@@ -141,6 +141,13 @@ def test_coarse_stiffness_is_galerkins(name: str) -> None:
     assert abs(expected - expected.T).max() < 1e-14 * abs(expected).max()
 
 
+def test_one_coarse_level_at_least() -> None:
+    """Also below the unknowns that a coarsest level may have: an exact solution there would be that of K itself."""
+    assert [step.P.shape for step in coarsening((81, 41), (1.0, 1.0))] == [(2 * 81 * 41, 2 * 41 * 21)]
+    assert len(coarsening((81, 41), (1.0, 1.0), coarsest=2_000)) == 1
+    assert len(coarsening((81, 41), (1.0, 1.0), coarsest=1_000)) == 2
+
+
 def test_rigid_bodies_and_strains_on_coarse_levels() -> None:
     """Away from the supports a rigid motion costs no force, and a constant strain of a homogeneous body none inside."""
     K, _ = operator(discretise(cantilever(40, 20).body, 1.0, solver=DEEP), np.ones(3200))

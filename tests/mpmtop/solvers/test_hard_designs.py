@@ -1,0 +1,67 @@
+"""Designs that are hard for multigrid: gaps between their members are narrower than what coarse lattices resolve.
+
+`hard_designs.npz` holds densities of iterations 10 and 23 of the cantilever's optimisation with 500,000 points (the
+scale study's, compliance), in sixteen steps, two to a byte.
+"""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mpmtop.arrays import Array
+from mpmtop.material import simp
+from mpmtop.model import Model, discretise
+from mpmtop.solvers import MAX_ITERATIONS, MultigridCG, Solve
+from mpmtop.solvers.multigrid_cg import IteratedSolve
+from tests.scenes import cantilever
+
+DESIGNS = Path(__file__).with_name("hard_designs.npz")
+
+
+def moduli(name: str) -> Array:
+    """Of the points (p,), contrast 1e-9."""
+    packed = np.load(DESIGNS)[name]
+    return simp(np.stack([packed >> 4, packed & 15], axis=-1).ravel() / 15, 3.0, 1e-9)[0]
+
+
+@pytest.fixture(scope="module")
+def model() -> Model:
+    return discretise(cantilever(40, 20).body, 0.08)
+
+
+def solved(solver: MultigridCG, data: Array, b: Array) -> tuple[Array, int, bool]:
+    """x, the cycles taken, and whether the direct solver was asked instead."""
+    cycles, asked = [], []
+
+    def fallback() -> Solve:
+        asked.append(True)
+        return np.zeros_like
+
+    solve = solver.factor(data)
+    assert isinstance(solve, IteratedSolve)
+    counted = replace(solve, cycle=lambda f: cycles.append(1) or solve.cycle(f), factor=fallback)
+    return counted(b), len(cycles), bool(asked)
+
+
+@pytest.mark.slow
+def test_a_coarsest_lattice_of_a_quarter_resolves_them(model: Model) -> None:
+    """It answers in half of the cycles that are allowed; from one of a sixteenth the second design is left to the
+    direct solver."""
+    solver, b = model.solver, model.f_ext[model.stiffness.dof]
+    assert isinstance(solver, MultigridCG)
+    coarser = MultigridCG(solver.pattern, coarsest=20_000)
+    fallen = []
+    for name in ("iteration_10", "iteration_23"):
+        data = model.stiffness.data(moduli(name))
+        x, cycles, asked = solved(solver, data, b)
+        assert not asked
+        assert cycles <= MAX_ITERATIONS / 2
+        off = b.copy()
+        np.subtract.at(off, solver.pattern.row, data * x[solver.pattern.col])
+        below = solver.pattern.row > solver.pattern.col
+        np.subtract.at(off, solver.pattern.col[below], (data * x[solver.pattern.row])[below])
+        assert np.linalg.norm(off) <= solver.tolerance * np.linalg.norm(b)
+        fallen.append(solved(coarser, data, b)[2])
+    assert fallen == [False, True]
