@@ -51,19 +51,7 @@ def test_poisson(report: Report, lock: Lock) -> None:
 
     Four cells over the depth. GIMP is not shown: no domain leaves its cell, so it is the standard method.
     """
-    body = beam_body(COARSE, plane_strain(LIMIT))
-    body_opening(
-        report,
-        body,
-        seed(body.domain, (SPACING, SPACING)),
-        {
-            "size": (f"{4 * COARSE} h x {COARSE} h", CHOSEN),
-            "material": (f"E = 1, plane strain, nu from {POISSON[0]:g} to {LIMIT:g}", CHOSEN),
-            "load": ("the closed form's tractions on both ends", "Timoshenko and Goodier, Sect. 21"),
-            "supports": ("two points of the left end", "Timoshenko and Goodier, Sect. 21"),
-            "points": ("2 x 2 in each cell", PAPER),
-        },
-    )
+    open_beam(report)
     errors = locking_errors()
     report.figure(
         "poisson",
@@ -122,6 +110,23 @@ def test_poisson(report: Report, lock: Lock) -> None:
     locked = {case: error for case, error in errors.items() if case[0] != "FEM Q2"}  # whose error rounding may reach
     lock({f"{', '.join(case)}, {nu:g}": e for case, error in locked.items() for nu, e in error.items()}, rtol=RTOL)
     assert all(locks) and all(cured) and settled
+
+
+def open_beam(report: Report) -> None:
+    """Sketch and parameters of the beam."""
+    body = beam_body(COARSE, plane_strain(LIMIT))
+    body_opening(
+        report,
+        body,
+        seed(body.domain, (SPACING, SPACING)),
+        {
+            "size": (f"{4 * COARSE} h x {COARSE} h", CHOSEN),
+            "material": (f"E = 1, plane strain, nu from {POISSON[0]:g} to {LIMIT:g}", CHOSEN),
+            "load": ("the closed form's tractions on both ends", "Timoshenko and Goodier, Sect. 21"),
+            "supports": ("two points of the left end", "Timoshenko and Goodier, Sect. 21"),
+            "points": ("2 x 2 in each cell", PAPER),
+        },
+    )
 
 
 @pytest.mark.slow

@@ -10,6 +10,8 @@ A bilinear displacement on cells of size h cannot see how material lies inside a
 biquadratic elements of side h/6, one for each fine point.
 """
 
+from typing import Any
+
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
@@ -114,19 +116,7 @@ def test_resolutions(
         )
     )
     fine = {name: judge(remapped(run.design, grids["high"])).compliance for name, run in runs.items()}
-    rows = {
-        name: {
-            "points": len(run.design.x),
-            "area of the points / body": float(4 * run.design.half_length.prod(axis=1).sum() / 450),
-            "effective filter radius [h]": effective_radius(analysers[name]),
-            "compliance": run.final,
-            "iterations": run.iterations,
-            "grayness": run.design.grayness,
-            "compliance, fine reference": fine[name],
-            "fine reference over own": fine[name] / run.final,
-        }
-        for name, run in runs.items()
-    }
+    rows = measured(analysers, runs, fine)
     table = pd.DataFrame.from_dict(rows, orient="index").rename_axis("resolution")
     report.table(
         "resolutions", table, "Optimised designs, filter radius h. FEM: a bilinear element for each low point."
@@ -149,6 +139,25 @@ def test_resolutions(
         rtol=RTOL_OPTIMUM,
     )
     assert all(holds)
+
+
+def measured(
+    analysers: dict[str, Analyser], runs: dict[str, Optimisation], fine: dict[str, float]
+) -> dict[str, dict[str, Any]]:
+    """What there is to say of every design; `fine` is its true compliance."""
+    return {
+        name: {
+            "points": len(run.design.x),
+            "area of the points / body": float(4 * run.design.half_length.prod(axis=1).sum() / 450),
+            "effective filter radius [h]": effective_radius(analysers[name]),
+            "compliance": run.final,
+            "iterations": run.iterations,
+            "grayness": run.design.grayness,
+            "compliance, fine reference": fine[name],
+            "fine reference over own": fine[name] / run.final,
+        }
+        for name, run in runs.items()
+    }
 
 
 def draw_designs(report: Report, runs: dict[str, Optimisation]) -> None:

@@ -11,7 +11,7 @@ from joblib import Parallel, delayed
 from matplotlib.patches import Rectangle
 
 from mpmtop.arrays import Array
-from mpmtop.points import seed
+from mpmtop.points import MaterialPoints, seed
 from mpmtop.shape_functions import tent
 from reference_fem.adjoint import unit_work
 from reference_fem.reanalyse import Judge, build_judge
@@ -63,26 +63,8 @@ def test_sub_cell_designs(report: Report, lock: Lock, progress: ShowProgress) ->
     cases = [(ppc, radius) for radius in RADII for ppc in PPC]
     done = Parallel(return_as="generator")(delayed(sweep_case)(*case) for case in cases)
     runs = dict(zip(cases, progress(done, "points per cell and radius"), strict=True))
-    judges = {}
-    for side, contrast in product((6, 8), CONTRASTS):
-        scene = changed(distributed_load(), contrast=contrast)
-        fine = seed(scene.body.domain, (H / side, H / side))
-        judges[side, contrast] = fine, build_judge(scene, fine.x, fine.half_length, split=1, order=1)
-    rows: dict[tuple[int, float], dict[str, Any]] = {}
-    for (ppc, radius), run in runs.items():
-        side = 8 if 8 % ppc == 0 and ppc > 2 else 6
-        soft, softer = (
-            judge(remapped(run.design, fine)).compliance for fine, judge in (judges[side, c] for c in CONTRASTS)
-        )
-        rows[ppc, radius] = {
-            "points": len(run.design.x),
-            "apparent": run.final,
-            "true": soft,
-            "true / apparent": soft / run.final,
-            "true, E_min = 1e-6 E0": softer,
-            "carried by": "void" if softer > 2 * soft else "material",
-            "element / h": f"1/{side}",
-        }
+    judges = sweep_judges()
+    rows = judged(runs, judges)
     table = pd.DataFrame.from_dict(rows, orient="index").rename_axis(["points per cell and direction", "radius / h"])
     report.table("sub_cell", table, f"Compliance after at most {SWEEP_ITERATIONS} iterations.", 4)
     small, large = RADII
@@ -110,6 +92,52 @@ def test_sub_cell_designs(report: Report, lock: Lock, progress: ShowProgress) ->
         true,
         source="for comparison, one start: what is gained by a radius of three points is an artefact",
     )
+    tell(report, runs, rows)
+    shown = runs[6, small]
+    fine, judge = judges[6, CONTRASTS[0]]
+    draw_artefact(report, shown, judge, remapped(shown.design, fine), rows[6, small]["true"])
+    draw_sweep(report, rows)
+    lock({f"apparent, {ppc}, {r:g}": row["apparent"] for (ppc, r), row in rows.items()}, rtol=RTOL_OPTIMUM)
+    assert artefact and honest
+
+
+def sweep_judges() -> dict[tuple[int, float], tuple[MaterialPoints, Judge]]:
+    """Fine points and the judge on them, by their number in a cell and direction and by contrast."""
+    judges = {}
+    for side, contrast in product((6, 8), CONTRASTS):
+        scene = changed(distributed_load(), contrast=contrast)
+        fine = seed(scene.body.domain, (H / side, H / side))
+        judges[side, contrast] = fine, build_judge(scene, fine.x, fine.half_length, split=1, order=1)
+    return judges
+
+
+def judged(
+    runs: dict[tuple[int, float], Optimisation], judges: dict[tuple[int, float], tuple[MaterialPoints, Judge]]
+) -> dict[tuple[int, float], dict[str, Any]]:
+    """Apparent and true compliance of every design of the sweep."""
+    rows: dict[tuple[int, float], dict[str, Any]] = {}
+    for (ppc, radius), run in runs.items():
+        side = 8 if 8 % ppc == 0 and ppc > 2 else 6
+        soft, softer = (
+            judge(remapped(run.design, fine)).compliance for fine, judge in (judges[side, c] for c in CONTRASTS)
+        )
+        rows[ppc, radius] = {
+            "points": len(run.design.x),
+            "apparent": run.final,
+            "true": soft,
+            "true / apparent": soft / run.final,
+            "true, E_min = 1e-6 E0": softer,
+            "carried by": "void" if softer > 2 * soft else "material",
+            "element / h": f"1/{side}",
+        }
+    return rows
+
+
+def tell(
+    report: Report, runs: dict[tuple[int, float], Optimisation], rows: dict[tuple[int, float], dict[str, Any]]
+) -> None:
+    """What came out of the sweep, what follows, and the design that misleads most."""
+    _, large = RADII
     worst = max((row["true / apparent"], case) for case, row in rows.items())
     report.found(
         f"With a filter of radius {worst[1][1]:g} h and {worst[1][0]} x {worst[1][0]} points per cell the true "
@@ -133,9 +161,9 @@ def test_sub_cell_designs(report: Report, lock: Lock, progress: ShowProgress) ->
         own=false.final,
         true=rows[worst[1]]["true"],
     )
-    shown = runs[6, small]
-    fine, judge = judges[6, CONTRASTS[0]]
-    draw_artefact(report, shown, judge, remapped(shown.design, fine), rows[6, small]["true"])
+
+
+def draw_sweep(report: Report, rows: dict[tuple[int, float], dict[str, Any]]) -> None:
     figure, ax = plt.subplots()
     for radius in RADII:
         for kind in ("apparent", "true"):
@@ -143,8 +171,6 @@ def test_sub_cell_designs(report: Report, lock: Lock, progress: ShowProgress) ->
     ax.set(xlabel="points per cell and direction", ylabel="compliance [F²/E0]")
     ax.legend()
     report.figure("sub_cell", figure, "Apparent and true compliance against points per cell.")
-    lock({f"apparent, {ppc}, {r:g}": row["apparent"] for (ppc, r), row in rows.items()}, rtol=RTOL_OPTIMUM)
-    assert artefact and honest
 
 
 def draw_artefact(report: Report, run: Optimisation, judge: Judge, rho: Array, true: float) -> None:

@@ -114,6 +114,14 @@ def test_cases(report: Report, lock: Lock, layout: str) -> None:
         f"{layout.capitalize()}: absent and void differ by {zero_off:.0e} % at most, divided points by "
         f"{error.min():.2g} to {error.max():.2g} %."
     )
+    draw_nodes(report, layout, table)
+    lock(
+        {f"node {node}, {case}": table.loc[node, case] for node in table.index for case in table.columns[:3]}, rtol=1e-9
+    )
+    assert same and close
+
+
+def draw_nodes(report: Report, layout: str, table: pd.DataFrame) -> None:
     figure, (ax, off) = plt.subplots(2, 1, figsize=(5.0, 4.6), sharex=True)
     place = np.arange(len(table))
     for shift, case in zip((-0.25, 0.0, 0.25), ("case 1", "case 2", "case 3"), strict=True):
@@ -125,11 +133,7 @@ def test_cases(report: Report, lock: Lock, layout: str) -> None:
     ax.set(ylabel="displacement [F/E0]")
     ax.legend()
     caption = f"{layout.capitalize()}: displacement magnitude of the free nodes, and how far it is from case 1."
-    report.figure(f"nodes_{name}", figure, caption)
-    lock(
-        {f"node {node}, {case}": table.loc[node, case] for node in table.index for case in table.columns[:3]}, rtol=1e-9
-    )
-    assert same and close
+    report.figure(f"nodes_{layout.replace(' ', '_')}", figure, caption)
 
 
 def test_residual_modulus(report: Report) -> None:

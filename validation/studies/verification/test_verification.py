@@ -104,19 +104,7 @@ def test_patch(report: Report) -> None:
         True,
         source="equilibrium of a constant stress",
     )
-    report.found(
-        f"Uniform points, shifted or not, pass to {uniform.max():.0e} with every function."
-        if holds
-        else f"Uniform points fail, by {uniform.max():.1e}."
-    )
-    crossed = worst[CROSSED]
-    fails = [name for name, force in crossed.items() if force > 1e-12]
-    if fails:
-        report.found(
-            f"With every fourth boundary crossed the largest unbalanced force is {max(crossed.values()):.2g} h sigma, "
-            f"and {', '.join(fails)} fail."
-        )
-        report.so("Points that moved unevenly with fixed volumes cannot represent a constant stress.")
+    tell_patch(report, float(uniform.max()), holds, worst[CROSSED])
     # the paper speaks of points that cross; where none does, GIMP's domains cross all the same
     sources: dict[str, tuple[float | None, str | Statement]] = {
         CROSSED: (1.0, paper.MITIGATES),
@@ -130,6 +118,12 @@ def test_patch(report: Report) -> None:
             source=source,
         )
 
+    draw_patch(report)
+    assert holds
+
+
+def draw_patch(report: Report) -> None:
+    """The unbalanced force while one column of points moves over a cell boundary."""
     shifts = np.linspace(0, 0.5, 101)
     strip = seed(Rectangle((0.0, 0.0), (12.0, 8.0)), (SPACING, SPACING))
     column = np.isclose(strip.x[:, 0], 5.75)
@@ -143,7 +137,22 @@ def test_patch(report: Report) -> None:
     report.figure(
         "patch", figure, "One column of points pushed over a cell boundary: the tent's force jumps, the others' grow."
     )
-    assert holds
+
+
+def tell_patch(report: Report, uniform: float, holds: bool, crossed: dict[str, float]) -> None:
+    """What came out for uniform and for crossed points, and what follows."""
+    report.found(
+        f"Uniform points, shifted or not, pass to {uniform:.0e} with every function."
+        if holds
+        else f"Uniform points fail, by {uniform:.1e}."
+    )
+    fails = [name for name, force in crossed.items() if force > 1e-12]
+    if fails:
+        report.found(
+            f"With every fourth boundary crossed the largest unbalanced force is {max(crossed.values()):.2g} h sigma, "
+            f"and {', '.join(fails)} fail."
+        )
+        report.so("Points that moved unevenly with fixed volumes cannot represent a constant stress.")
 
 
 def test_outer_edge(report: Report) -> None:

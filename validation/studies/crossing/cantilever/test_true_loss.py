@@ -3,6 +3,7 @@
 import pandas as pd
 import pytest
 
+from mpmtop.arrays import Array
 from reference_fem.reanalyse import Judge
 from validation import paper
 from validation.bodies.crossing import Crossing, moved
@@ -37,15 +38,7 @@ def test_true_loss(
     The wave shows that the apparent loss may also hide a true one.
     """
     best = judge(still.design.at(uncrossed.x)).compliance
-    rows = {}
-    for (family, name), run in runs.items():
-        fine = judge(run.design.at(uncrossed.x)).compliance
-        rows[str(calibrations[family].crossing), name] = {
-            "apparent loss": run.final / still.final - 1,
-            "without crossing": uncrossed.compliance(run.design) / still.final - 1,
-            "fine reference": fine / best - 1,
-            "compliance, fine reference": fine,
-        }
+    rows = losses(calibrations, uncrossed, still, runs, judge)
     table = pd.DataFrame.from_dict(rows, orient="index").rename_axis(["crossing", "method"])
     report.table(
         "true_loss",
@@ -93,10 +86,40 @@ def test_true_loss(
     report.check(
         f"true loss of optimality, GIMP, {crossing}", gimp["fine reference"], source="for comparison", unit="%"
     )
-    spline = rows[crossing, "quadratic B-spline"]
-    named = {"standard": "MPM, crossed", "GIMP": "GIMP, crossed", "quadratic B-spline": "B-spline, crossed"}
+    tell(report, calibrations[REPRODUCTION].crossing, rows)
+    show(report, crossing, still, runs, rows, judge, uncrossed.x)
+    compare_families(report, calibrations, rows)
+    lock({f"{c}, {name}": row["compliance, fine reference"] for (c, name), row in rows.items()}, rtol=RTOL_OPTIMUM)
+    assert all(holds)
+
+
+def losses(
+    calibrations: dict[str, Calibration],
+    uncrossed: Analyser,
+    still: Optimisation,
+    runs: dict[tuple[str, str], Optimisation],
+    judge: Judge,
+) -> dict[tuple[str, str], dict[str, float]]:
+    """By crossing and method, what each analysis says that the design has lost."""
+    best = judge(still.design.at(uncrossed.x)).compliance
+    rows = {}
+    for (family, name), run in runs.items():
+        fine = judge(run.design.at(uncrossed.x)).compliance
+        rows[str(calibrations[family].crossing), name] = {
+            "apparent loss": run.final / still.final - 1,
+            "without crossing": uncrossed.compliance(run.design) / still.final - 1,
+            "fine reference": fine / best - 1,
+            "compliance, fine reference": fine,
+        }
+    return rows
+
+
+def tell(report: Report, crossing: Crossing, rows: dict[tuple[str, str], dict[str, float]]) -> None:
+    """What came out of the reproduction, and what follows."""
+    standard, gimp = rows[str(crossing), "standard"], rows[str(crossing), "GIMP"]
+    spline = rows[str(crossing), "quadratic B-spline"]
     report.found(
-        f"{moved(calibrations[REPRODUCTION].crossing)}, the true compliance of designs is "
+        f"{moved(crossing)}, the true compliance of designs is "
         f"{changed(standard['fine reference'])} with standard MPM, {changed(gimp['fine reference'])} with GIMP, "
         f"{changed(spline['fine reference'])} with quadratic B-splines; the methods themselves report "
         f"{standard['apparent loss']:+.1%}, {gimp['apparent loss']:+.1%} and {spline['apparent loss']:+.1%}.",
@@ -109,6 +132,36 @@ def test_true_loss(
         + ", and judge the final design by a finer analysis (`reference_fem.reanalyse`).",
         front="What to do",
     )
+
+
+def compare_families(
+    report: Report, calibrations: dict[str, Calibration], rows: dict[tuple[str, str], dict[str, float]]
+) -> None:
+    """Whether standard's design is the worse one in every family."""
+    excess = {
+        str(c): rows[str(c), "standard"]["fine reference"] - rows[str(c), "GIMP"]["fine reference"]
+        for c, _ in calibrations.values()
+    }
+    for label, more in excess.items():
+        report.check(f"true loss of optimality, standard less GIMP, {label}", more, source="for comparison", unit="%")
+    worse = [label for label, more in excess.items() if more < 0]
+    report.text(
+        "On the fine reference standard's design is the worse one, as by the own analyses"
+        + (f", but for {', '.join(worse)}: there GIMP's is the worse." if worse else ", in every family.")
+    )
+
+
+def show(
+    report: Report,
+    crossing: str,
+    still: Optimisation,
+    runs: dict[tuple[str, str], Optimisation],
+    rows: dict[tuple[str, str], dict[str, float]],
+    judge: Judge,
+    x: Array,
+) -> None:
+    """The reproduction's designs, and what the judge finds of them cut to black and white, at its points x (p, 2)."""
+    named = {"standard": "MPM, crossed", "GIMP": "GIMP, crossed", "quadratic B-spline": "B-spline, crossed"}
     for name, shown in named.items():
         run = runs[REPRODUCTION, name]
         report.design(
@@ -123,28 +176,15 @@ def test_true_loss(
         )
     cut = {shown: runs[REPRODUCTION, name].design.black_and_white() for name, shown in named.items()}
     cut["MPM, as seeded"] = still.design.black_and_white()
-    black = {name: judge(design.at(uncrossed.x)).compliance for name, design in cut.items()}
+    black = {name: judge(design.at(x)).compliance for name, design in cut.items()}
     true = {shown: rows[crossing, name]["compliance, fine reference"] for name, shown in named.items()}
-    true["MPM, as seeded"] = best
+    true["MPM, as seeded"] = judge(still.design.at(x)).compliance
     report.table(
         "thresholded",
         pd.DataFrame({"fine reference": true, "cut to black and white": black}).rename_axis("design of"),
         f"The same designs cut to black and white at their volume, compliance on the fine reference, {crossing}.",
         4,
     )
-    excess = {
-        str(c): rows[str(c), "standard"]["fine reference"] - rows[str(c), "GIMP"]["fine reference"]
-        for c, _ in calibrations.values()
-    }
-    for label, more in excess.items():
-        report.check(f"true loss of optimality, standard less GIMP, {label}", more, source="for comparison", unit="%")
-    worse = [label for label, more in excess.items() if more < 0]
-    report.text(
-        "On the fine reference standard's design is the worse one, as by the own analyses"
-        + (f", but for {', '.join(worse)}: there GIMP's is the worse." if worse else ", in every family.")
-    )
-    lock({f"{c}, {name}": row["compliance, fine reference"] for (c, name), row in rows.items()}, rtol=RTOL_OPTIMUM)
-    assert all(holds)
 
 
 @pytest.mark.slow

@@ -51,21 +51,7 @@ def test_optimisation(
     grey or jagged details is singular, its size one of chance: the order of magnitude counts.
     """
     stress = {name: relaxed(analysers[name], run.design.rho) for name, run in runs.items()}
-    rows: dict[str, dict[str, Any]] = {}
-    for name, run in runs.items():
-        rho = run.design.at(analysers["FEM"].x)
-        fine = judge_stress(judge, rho, judge(rho))
-        rows[name] = {
-            "p-norm": run.final,
-            "largest rho^q vm": float(stress[name].max()),
-            "iterations": run.iterations,
-            "grayness": run.design.grayness,
-            "boundary length [h]": boundary_length(run.design),
-            "p-norm without crossing": analysers["standard, no crossing"].compliance(run.design),
-            "p-norm, fine reference": fine.p_norm,
-            "largest rho^q vm, fine reference": fine.largest,
-            "p-norm, fine reference, cut": cut_norm(judge, run.design.black_and_white().at(analysers["FEM"].x)),
-        }
+    rows = measured(analysers, runs, stress, judge)
     table = pd.DataFrame.from_dict(rows, orient="index").rename_axis("design of")
     report.table(
         "optimisation",
@@ -112,6 +98,38 @@ def test_optimisation(
         gimp["p-norm, fine reference"] / still["p-norm, fine reference"],
         source="for comparison",
     )
+    tell(report, standard, gimp, still)
+    compare_rises(report, standard, still)
+    show(report, runs, rows)
+    draw_optimisation(report, runs, stress)
+    lock({f"optimised p-norm, {name}": run.final for name, run in runs.items()}, rtol=RTOL_OPTIMUM)
+    assert all(holds)
+
+
+def measured(
+    analysers: dict[str, Analyser], runs: dict[str, Optimisation], stress: dict[str, Array], judge: Judge
+) -> dict[str, dict[str, Any]]:
+    """What there is to say of every design, by its method and by the judge."""
+    rows: dict[str, dict[str, Any]] = {}
+    for name, run in runs.items():
+        rho = run.design.at(analysers["FEM"].x)
+        fine = judge_stress(judge, rho, judge(rho))
+        rows[name] = {
+            "p-norm": run.final,
+            "largest rho^q vm": float(stress[name].max()),
+            "iterations": run.iterations,
+            "grayness": run.design.grayness,
+            "boundary length [h]": boundary_length(run.design),
+            "p-norm without crossing": analysers["standard, no crossing"].compliance(run.design),
+            "p-norm, fine reference": fine.p_norm,
+            "largest rho^q vm, fine reference": fine.largest,
+            "p-norm, fine reference, cut": cut_norm(judge, run.design.black_and_white().at(analysers["FEM"].x)),
+        }
+    return rows
+
+
+def tell(report: Report, standard: dict[str, Any], gimp: dict[str, Any], still: dict[str, Any]) -> None:
+    """What came out of the designs, and what follows."""
     report.found(
         f"Stress designs of standard MPM report a p-norm of {standard['p-norm']:.2f}, and the fine reference finds "
         f"{standard['p-norm, fine reference']:.2f}; GIMP reports {gimp['p-norm']:.2f}, the reference "
@@ -129,6 +147,10 @@ def test_optimisation(
         else "Stress designs made with crossed points hold to a factor of two.",
         front="What to do",
     )
+
+
+def compare_rises(report: Report, standard: dict[str, Any], still: dict[str, Any]) -> None:
+    """Rise by crossing of the optimised p-norm beside that of the optimised compliance."""
     own_rise, true_rise = (standard[measure] / still[measure] - 1 for measure in ("p-norm", "p-norm, fine reference"))
     compliance = compliance_rises()
     for analysis, of_stress in {"its own analysis": own_rise, "the fine reference": true_rise}.items():
@@ -141,6 +163,10 @@ def test_optimisation(
             reason=f"by {analysis} the p-norm rises by {of_stress:.1%}, compliance by {compliance[analysis]:.1%}: MPM "
             "does not see the stress in details that its cells cannot resolve, so that its own p-norm rises least",
         )
+
+
+def show(report: Report, runs: dict[str, Optimisation], rows: dict[str, dict[str, Any]]) -> None:
+    """The designs made with crossing, with their own and their true p-norm."""
     for name, shown in {"standard": "MPM, crossed", "GIMP": "GIMP, crossed"}.items():
         run = runs[name]
         report.design(
@@ -153,9 +179,6 @@ def test_optimisation(
             true=rows[name]["p-norm, fine reference"],
             front=True,
         )
-    draw_optimisation(report, runs, stress)
-    lock({f"optimised p-norm, {name}": run.final for name, run in runs.items()}, rtol=RTOL_OPTIMUM)
-    assert all(holds)
 
 
 def unlike_seeded(gimp: dict[str, Any], still: dict[str, Any]) -> str:
