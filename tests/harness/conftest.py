@@ -37,6 +37,6 @@ def browse(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., str]:
 
     def browsed(page: Path, *options: str) -> str:
         command = [browser, *FLAGS.split(), profile, *options, page.as_uri()]
-        return subprocess.run(command, capture_output=True, text=True, timeout=120, check=True).stdout
+        return subprocess.run(command, capture_output=True, text=True, timeout=600, check=True).stdout
 
     return browsed

@@ -100,7 +100,9 @@ def test_a_study_runs_in_one_process(pytester: pytest.Pytester, monkeypatch: pyt
     """What its sections share is computed once, however many processes of pytest-xdist there are."""
     folder = write(pytester.path)
     (folder / "conftest.py").write_text(
-        FIXTURES.replace("return 1.5", "open('computed', 'a').write('x')\n    return 1.5")
+        FIXTURES.replace(
+            "return 1.5", "with open('computed', 'a') as computed:\n        computed.write('x')\n    return 1.5"
+        )
     )
     monkeypatch.setenv("PYTHONPATH", str(ROOT))
     assert pytester.runpytest_subprocess(*OPTIONS, "-n", "2").ret == 0

@@ -84,7 +84,7 @@ def test_area_of_a_circle(radius: float, x: float, y: float) -> None:
     assert area(Circle((x, y), radius), 300) == pytest.approx(np.pi * radius**2, rel=2e-3)
 
 
-@settings(max_examples=30)
+@settings(max_examples=30, deadline=None)
 @given(st.lists(st.floats(0.3, 1.0), min_size=3, max_size=9), st.floats(0, 6))
 def test_area_of_a_polygon(radii: list[float], turn: float) -> None:
     """A star around the origin, convex or not, of either orientation: the shoelace formula. At 0.1 no edge runs along

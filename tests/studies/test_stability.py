@@ -171,11 +171,11 @@ def test_expected_compliance_and_limits() -> None:
 def test_refusing_everything_is_found(family: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """A named error where the input is sound is no outcome to be content with."""
 
-    def never(model: Model, moduli: Array, **_: float) -> Equilibrium:
-        return equilibrium(model, moduli, tol=0.0)
+    def never(model: Model, moduli: Array, **how: Any) -> Equilibrium:
+        return equilibrium(model, moduli, **how | {"tol": 0.0})
 
     monkeypatch.setattr("validation.studies.stability.scales.equilibrium", never)
-    monkeypatch.setattr("mpmtop.problem.equilibrium", never)
+    monkeypatch.setattr("mpmtop.cases.equilibrium", never)
     cases = {"units": units, "gradients": parameters, "descent": lambda: list(parameters())[300:]}[family]()
     assert {outcome(case).kind for case in islice(cases, 5)} == {"other"}
 

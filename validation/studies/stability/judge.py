@@ -52,8 +52,9 @@ than three digits are left in double precision, to conjugate gradients as to Cho
 FAR = 2.5
 """Factor of the compliance beyond which an answer, right for the discrete problem, is far from the body's."""
 NORM = PNormStress(p=12.0, q=0.5)
-multigrid = partial(MultigridCG, coarsest=20)
-"""As `discretise(..., solver=...)` takes it: two levels or more on bodies of five cells."""
+multigrid = partial(MultigridCG, coarsest=20, tolerance=1e-6)
+"""As `discretise(..., solver=...)` takes it: two levels or more on bodies of five cells, held to ten times less than an
+optimisation asks for."""
 
 
 class Wrong(ArithmeticError):
