@@ -13,7 +13,7 @@ export MKL_NUM_THREADS ?= 1
 .PHONY: validate benchmark test lowest lint lock clean
 
 validate: .venv/installed
-	$(BIN)/python -m pytest validation -n $(JOBS) --dist loadfile $(if $(filter-out 0,$(QUICK)),--quick)
+	$(BIN)/python -m pytest validation -n $(JOBS) $(if $(filter-out 0,$(QUICK)),--quick)
 	$(BIN)/python -m validation readme
 
 # minutes each, beside pyMOTO and Kratos; one process, so that CPU times are not those of a crowded machine

@@ -8,6 +8,7 @@ import pytest
 
 from mpmtop.arrays import Array
 from validation import paper
+from validation.harness.claims import Statement
 from validation.harness.report import Report
 from validation.methods.analyser import Analyser, Optimisation
 from validation.paper import Compared, compare
@@ -92,6 +93,12 @@ def test_numbers_of_the_paper(report: Report, analysers: dict[str, Analyser], ru
         source=paper.STRESS_GIMP_MARGINAL,
         why=f"no measure is stated; standard's is {over_fem['standard']:.1%}",
     )
+    tabulate_reductions(report, stated, before, after)
+
+
+def tabulate_reductions(
+    report: Report, stated: dict[str, tuple[Statement, Statement]], before: dict[str, float], after: dict[str, float]
+) -> None:
     report.table(
         "reductions",
         pd.DataFrame.from_dict(
