@@ -8,7 +8,7 @@ from mpmtop.arrays import Array
 from mpmtop.grid import Grid
 from mpmtop.shape_functions import Ends, ShapeFunction, Stencil, gimp, tent
 from validation.methods.points import PointMethod
-from validation.methods.protocol import Answer, Case, Shape
+from validation.methods.protocol import Answer, Capability, Case, Shape
 
 
 def own_gimp(xi: Array, half_length: Array, tol: float = 0.0, ends: Ends | None = None) -> Stencil:
@@ -87,10 +87,10 @@ class ByCount(PointMethod):
         return super().analyse(case)
 
 
-CAPABLE = PointMethod("", tent).capabilities - {"loads at positions"}
-"""Of the independent GIMP, which divides by the size of a domain: it has no functions at a position."""
-SOUND = PointMethod("own GIMP", own_gimp, capabilities=CAPABLE)
-TENTH = PointMethod("own GIMP, one gradient 10 % off", off_by_a_tenth, capabilities=CAPABLE)
+WITHOUT: frozenset[Capability] = frozenset({"loads at positions"})
+"""The independent GIMP divides by the size of a domain: it has no functions at a position."""
+SOUND = PointMethod("own GIMP", own_gimp, without=WITHOUT)
+TENTH = PointMethod("own GIMP, one gradient 10 % off", off_by_a_tenth, without=WITHOUT)
 
 
 def planted(shape_function: ShapeFunction) -> PointMethod:

@@ -47,6 +47,12 @@ class Deformed(NamedTuple):
     stretch: Array
 
 
+def stretch_of(load: Array) -> Array:
+    """Stretch l (p,) of Hencky's law under compressive Cauchy stresses load (p,), by E: E ln(l) / l = -load."""
+    stretch: Array = np.exp(-lambertw(load).real)
+    return stretch
+
+
 def hencky(Y: Array) -> Deformed:
     """The column of AMPLE's law in equilibrium, at initial heights Y (p,); see the module's docstring."""
     z, base = (lambertw(BASE_STRESS / YOUNG * (1 - height / LENGTH)).real for height in (np.asarray(Y), 0.0))

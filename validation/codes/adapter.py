@@ -4,7 +4,7 @@
 `capabilities`, a set of words of `Capability`; `name`, `version` and `accuracy`, the relative error that its numerics
 leave in an answer, are its own to give. For each way that it is capable of it has the method: `analyse(case)` gives
 (u, stress) or (u, stress, compliance), u (p, 2) and stress (p, 3) by point, None for what it does not state;
-`gradient(case)` (p,); `shape(x, half_length, grid)` (node, N, grad_N).
+`gradient(case)` (p,); `shape(x, half_length, grid)` (node, N, grad_N); `steps(case, count)` a list of (x, stress).
 """
 
 import importlib
@@ -16,7 +16,7 @@ from typing import Any, get_args
 from mpmtop.arrays import Array
 from mpmtop.grid import Grid
 from validation.codes.answers import Misanswered
-from validation.methods.protocol import Answer, Capability, Case, Shape
+from validation.methods.protocol import Answer, Capability, Case, Shape, Step
 
 TEMPLATE = '''"""An adapter: pytest validation --code {name}.py:Code"""
 
@@ -91,6 +91,10 @@ class Adapter:
         """As the code gives it."""
         slope: Array = self.code.gradient(case)
         return slope
+
+    def steps(self, case: Case, count: int) -> list[Step]:
+        """As the code gives them."""
+        return [Step(*step) for step in self.code.steps(case, count)]
 
     def shape(self, x: Array, half_length: Array, grid: Grid) -> Shape:
         """As the code gives them."""

@@ -24,7 +24,7 @@ class Check:
     """What is asked of a code, and why it must be so.
 
     `observe` gives a number, at most `at_most` or at least `at_least`, or for comparison only if neither is given;
-    `why` is the reason for the bound, set before any code was run, `look` what usually causes a failure and where to
+    `why` is the reason for the bound, which is no code's result, `look` what usually causes a failure and where to
     look. What holds but for `rounding` need hold to the accuracy only that the code states.
     """
 

@@ -1,5 +1,7 @@
 """What `--code` may name: a code known here, a class, a folder of answers, or a command."""
 
+import shlex
+import shutil
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -16,10 +18,13 @@ KNOWN = {
 
 KEPT = Path(__file__).parents[1] / "data" / "codes"
 """Where the scorecards of these are kept, with the code."""
+AMPLE = {"ample": "mpm", "ample-gimp": "gimp"}
+"""AMPLE, a copy of the user's own, by Octave: `ample:FOLDER` with its tents, `ample-gimp:FOLDER` with its GIMP."""
 
 
 def code(named: str, timeout: float = TIMEOUT) -> Any:
-    """The code named `kratos` or `pymoto`, FILE.py:CLASS or module:CLASS, DIR, or a command with {case} and {answer}.
+    """The code named `kratos`, `pymoto` or `ample:FOLDER`, FILE.py:CLASS or module:CLASS, DIR, or a command with {case}
+    and {answer}.
 
     NoAdapter says what is wrong with any other name.
     """
@@ -29,8 +34,22 @@ def code(named: str, timeout: float = TIMEOUT) -> Any:
             raise NoAdapter(f"--code {named}: no {package} here, pip install -e '.[peers]'")
         module, name = where.split(":")
         return getattr(__import__(module, fromlist=[name]), name)()
+    kind, _, folder = named.partition(":")
+    if kind in AMPLE:
+        return CommandCode(ample(AMPLE[kind], Path(folder)), timeout)
     if "{case}" in named or "{answer}" in named:
         return CommandCode(named, timeout)
     if Path(named).is_dir():
         return AnsweredFolder(Path(named))
     return load_class(named)
+
+
+def ample(kind: str, folder: Path) -> str:
+    """The command by which AMPLE in a folder answers; NoAdapter where it, or Octave, is not there."""
+    octave = shutil.which("octave-cli")
+    if octave is None:
+        raise NoAdapter("AMPLE: no octave-cli here: install GNU Octave")
+    if not (folder / "functions" / "detMPs.m").is_file():
+        raise NoAdapter(f"AMPLE: {folder} holds no functions/detMPs.m: name the folder of a copy of AMPLE 1.1")
+    words = [octave, "--no-gui", "-q", str(Path(__file__).with_name("ample.m")), str(folder.resolve()), kind]
+    return f"{shlex.join(words)} {{case}} {{answer}}"

@@ -17,7 +17,7 @@ from validation.methods.protocol import Answer, Capability, Case
 
 ON_LATTICE: frozenset[Capability] = frozenset(
     {
-        *("analysis", "gradient", "moduli by point", "body forces", "loads at positions"),
+        *("analysis", "gradient", "moduli by point", "body forces", "loads at positions", "tractions"),
         *("prescribed displacements", "plane stress", "any outline"),
     }
 )

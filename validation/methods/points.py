@@ -1,7 +1,7 @@
 """`mpmtop`'s material points behind the methods' protocol."""
 
 import warnings
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 from typing import get_args
 
 import numpy as np
@@ -11,11 +11,29 @@ from mpmtop.arrays import Array
 from mpmtop.diagnose import ModelWarning
 from mpmtop.equilibrium import Equilibrium, adjoint, equilibrium, moduli_gradient
 from mpmtop.grid import Grid
+from mpmtop.large_deformation import law
+from mpmtop.large_deformation.model import discretise as large_discretise
+from mpmtop.large_deformation.steps import trajectory
+from mpmtop.loads import Action
 from mpmtop.model import Model, discretise
 from mpmtop.objectives import COMPLIANCE
-from mpmtop.shape_functions import ShapeFunction
+from mpmtop.shape_functions import ShapeFunction, bspline2, gimp, tent
 from mpmtop.transfer import weights
-from validation.methods.protocol import Answer, Capability, Case, Shape
+from mpmtop.voigt import PAIRS
+from validation.methods.protocol import Answer, Capability, Case, Shape, Step
+
+ALL: frozenset[Capability] = frozenset(get_args(Capability))
+
+
+@dataclass(frozen=True, eq=False)
+class Carried:
+    """Forces (p, 2) on all points, in their order."""
+
+    forces: Array
+
+    def act(self, x: Array, volume: Array, tol: float) -> Action:
+        """See `mpmtop.loads.Load`."""
+        return Action(np.arange(len(x)), self.forces, np.empty((0, 2)), np.empty((0, 2)))
 
 
 @dataclass(frozen=True)
@@ -25,7 +43,13 @@ class PointMethod:
     name: str
     shape_function: ShapeFunction
     version: str = f"mpmtop {mpmtop.__version__}"
-    capabilities: frozenset[Capability] = field(default=frozenset(get_args(Capability)) - {"load steps"})
+    without: frozenset[Capability] = frozenset()
+
+    @property
+    def capabilities(self) -> frozenset[Capability]:
+        """All but those it is `without`, and load steps by functions that have none."""
+        able = ALL if self.shape_function in (tent, gimp, bspline2) else ALL - {"load steps"}
+        return able - self.without
 
     def analyse(self, case: Case) -> Answer:
         """At the points: u = N u, sigma = E D B u; see `Analyses`."""
@@ -45,6 +69,19 @@ class PointMethod:
         node, touched, N, grad_N = weights(grid, x, half_length, self.shape_function, ends)
         index = np.stack(np.divmod(np.where(touched, node, 0), grid.nodes[1]), axis=-1)
         return Shape(index, N, grad_N)
+
+    def steps(self, case: Case, count: int) -> list[Step]:
+        """Updated Lagrangian steps with Hencky's law, domains as they are, no background; see `Steps`."""
+        body = replace(case.body, loads=(Carried(case.carried),))
+        model = large_discretise(
+            body, shape_function=self.shape_function, steps=count, alpha=0.0, points=case.points, grid=case.grid
+        )
+        found = []
+        for state in trajectory(model, case.moduli).states[1:]:
+            tau = law.kirchhoff(law.stress(model.law, state.F), state.F)  # at unit modulus
+            cauchy = tau * (case.moduli / law.jacobian(state.F))[:, None, None]
+            found.append(Step(state.x, np.stack([cauchy[:, i, j] for i, j in PAIRS[2]], axis=1)))
+        return found
 
     def _solved(self, case: Case) -> tuple[Model, Array, Array, Equilibrium]:
         """Model, nodal forces f (2a,), nodal displacements g (2a,) that supports prescribe, zero elsewhere, and the

@@ -29,6 +29,7 @@ Capability = Literal[
     "moduli by point",
     "body forces",
     "loads at positions",
+    "tractions",  # loads along the boundary or throughout, which the method integrates
     "prescribed displacements",
     "plane stress",
     "any outline",  # of the body, and not only a rectangle
@@ -116,6 +117,7 @@ class Case:
             "moduli by point": bool(np.any(self.moduli != self.moduli[0])),
             "body forces": self.body_force is not None,
             "loads at positions": len(self.acts.position) > 0,
+            "tractions": bool(self.acts.along or self.acts.throughout),
             "prescribed displacements": self.prescribed is not None,
             "plane stress": self.body.material.plane == "stress",
             "any outline": not _a_rectangle(self.body.domain),

@@ -1,13 +1,15 @@
 """Codes: one scorecard for each
 
-Every code is asked the same checks: of its shape functions, of an analysis, of a gradient, as far as it is capable of
-them. Bounds are set by what must hold, with the reason beside each, and were set before any code was run. Another
+Every code is asked the same checks: of its shape functions, an analysis, a gradient and load steps, as far as it is
+capable of them. Bounds are set by what must hold, with the reason beside each, and not by what a code gave. Another
 person's code is put through by `pytest validation --code`, see validation/codes/README.md; what it answered is kept
 with date, version and machine. What fails there is a result: it fails no run.
 """
 
 from functools import cache
 
+import matplotlib.pyplot as plt
+import numpy as np
 import pandas as pd
 import pytest
 
@@ -44,6 +46,22 @@ def shown(cards: list[Kept]) -> pd.DataFrame:
     return pd.DataFrame.from_dict(matrix(cards), orient="index").rename_axis("check")
 
 
+def crossing(cards: list[Kept]) -> plt.Figure:
+    """What induced crossing does to the compliance, family by family, of the codes that are capable of it."""
+    figure, ax = plt.subplots(figsize=(7, 3.6))
+    able = [(card, [row for row in card.of("reported") if row.check.startswith("compliance,")]) for card in cards]
+    able = [(card, rows) for card, rows in able if rows]
+    for k, (card, rows) in enumerate(able):
+        at = np.arange(len(rows)) + 0.6 * ((k + 0.5) / len(able) - 0.5)
+        ax.plot(at, [row.observed for row in rows], "os^Dv<>p*hX"[k % 11], label=card.code)
+        names = [row.check.removeprefix("compliance, ").removesuffix(", over that as seeded") for row in rows]
+        ax.set_xticks(range(len(rows)), names, fontsize="small")
+    ax.axhline(1.0, color="0.4", linewidth=1)
+    ax.set(ylabel="compliance / as seeded")
+    ax.legend(fontsize="small")
+    return figure
+
+
 @cache
 def our_cards() -> tuple[Card, ...]:
     """Asked once a run."""
@@ -60,6 +78,8 @@ def test_our_codes(report: Report) -> None:
     report.table(
         "ours", shown([kept(card, "", "") for card in cards]), "Verdicts; numbers where they tell more than that."
     )
+    figure = crossing([kept(card, "", "") for card in cards])
+    report.figure("crossing", figure, "The cantilever with points moved by each family; elements have none to move.")
     held = [
         report.check(
             f"checks that {card.code} fails",
@@ -93,6 +113,10 @@ def test_other_codes(report: Report, asked: Asked) -> None:
         pytest.skip("no other code has been put through: --code")
     for k, card in enumerate(cards):
         report.text(f"**{card.code}**, {card.version}, on {card.when} ({card.machine}): {card.verdict}.")
+        if card.of("fails"):
+            report.text(
+                "\n".join(f"- {row.check}: {cell(row)}; {row.where}. Look at {row.look}." for row in card.of("fails"))
+            )
         rows = [
             {
                 "check": f"{row.way}: {row.check}",
@@ -108,4 +132,8 @@ def test_other_codes(report: Report, asked: Asked) -> None:
         report.check(f"checks that {card.code} passes", len(card.of("passes")), source="for comparison")
     ran = our_cards() if our_cards.cache_info().currsize else ()  # a run of other codes alone does not ask ours
     everyone = [*(kept(card, "", "") for card in ran), *cards]
+    figure = crossing(everyone)
+    report.figure(
+        "crossing_others", figure, "The same with other people's codes among ours." if ran else "The families."
+    )
     report.table("matrix", shown(everyone), f"{'All codes' if ran else 'Other codes'}, check by check.")
