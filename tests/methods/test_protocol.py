@@ -9,6 +9,7 @@ import pytest
 
 from mpmtop.arrays import Array
 from mpmtop.body import Material
+from mpmtop.errors import InvalidScene
 from mpmtop.grid import Grid
 from mpmtop.loads import PositionLoad, RegionLoad
 from mpmtop.points import seed
@@ -131,6 +132,13 @@ def test_displacements_of_a_linear_field(method: Method) -> None:
     nu = asked.body.material.poisson
     expected = np.array([nu, 1 - nu, 0]) * 0.3 / ((1 + nu) * (1 - 2 * nu))  # of eps_yy = 0.3 alone
     np.testing.assert_allclose(answer.stress, np.tile(expected, (128, 1)), atol=1e-12)
+
+
+def test_supports_that_methods_are_not_asked_are_refused() -> None:
+    """And not passed over: nodes are held where `prescribed` says."""
+    clamp = replace(cantilever().body.supports[0], displacement=(0.1, 0.0))
+    with pytest.raises(InvalidScene, match="say by `prescribed` where"):
+        replace(case(), body=replace(cantilever().body, supports=(clamp,)))
 
 
 def test_what_a_method_lacks_is_a_word() -> None:

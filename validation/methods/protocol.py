@@ -69,6 +69,13 @@ class Case:
     body_force: Array | None = None
     prescribed: Callable[[Array], Array] | None = None
 
+    def __post_init__(self) -> None:
+        if self.body.edges or self.body.springs or self.body.is_displaced:
+            raise InvalidScene(
+                f"{self.name}: springs, supports on edges and displaced ones are not asked of methods; hold nodes and "
+                "say by `prescribed` where"
+            )
+
     @cached_property
     def acts(self) -> Action:
         """Forces of the body's loads, on points and at positions, and those that points carry beside them."""

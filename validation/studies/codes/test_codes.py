@@ -53,7 +53,12 @@ def crossing(cards: list[Kept]) -> plt.Figure:
     able = [(card, rows) for card, rows in able if rows]
     for k, (card, rows) in enumerate(able):
         at = np.arange(len(rows)) + 0.6 * ((k + 0.5) / len(able) - 0.5)
-        ax.plot(at, [row.observed for row in rows], "os^Dv<>p*hX"[k % 11], label=card.code)
+        ax.plot(
+            at,
+            [np.nan if row.observed is None else row.observed for row in rows],
+            "os^Dv<>p*hX"[k % 11],
+            label=card.code,
+        )
         names = [row.check.removeprefix("compliance, ").removesuffix(", over that as seeded") for row in rows]
         ax.set_xticks(range(len(rows)), names, fontsize="small")
     ax.axhline(1.0, color="0.4", linewidth=1)
