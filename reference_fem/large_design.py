@@ -153,6 +153,16 @@ class LargeDesignProblem:
         return self.linear.upper
 
     @property
+    def positions(self) -> Array:
+        """Centres of the elements that are design variables, (a, 2)."""
+        return self.linear.positions
+
+    @property
+    def filter_radius(self) -> float:
+        """Radius of the filter [length]."""
+        return self.linear.filter_radius
+
+    @property
     def fingerprint(self) -> str:
         """The linear problem's, and what is added here."""
         return f"{self.linear.fingerprint} {self.model.law} {self.levels} {self.objective}"
