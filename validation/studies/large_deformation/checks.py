@@ -105,11 +105,19 @@ def rotated(method: str) -> tuple[float, Array]:
     )
 
 
-def energy_gap(model: Model, path: Trajectory) -> float:
-    """(work of the loads - stored energy) / stored energy at the end: work by the trapezium rule over the steps. What
-    the background takes on every increment is not stored, and part of the gap."""
+def energy_gap(model: Model, path: Trajectory) -> tuple[float, float]:
+    """(work of the loads - stored energy) / stored energy at the end, and what the background took of it.
+
+    Work by the trapezium rule over the steps; the background's forces start from none in every step, S q at its end.
+    """
     levels = np.append(0.0, model.levels)
     moved_by = [np.sum(model.force * (b.x - a.x)) for a, b in zip(path.states[:-1], path.states[1:], strict=True)]
     work = float(np.sum((levels[:-1] + levels[1:]) / 2 * moved_by))
     stored = float((model.points.volume * path.moduli) @ model.law.energy(path.states[-1].F).W)
-    return work / stored - 1
+    taken = 0.0
+    for state, step in zip(path.states, path.increments, strict=False):
+        ops = operators(model, state)
+        to_unknowns = ops.assembly.to_unknowns
+        q = (to_unknowns @ step.u.ravel()) / (to_unknowns.multiply(to_unknowns)).sum(axis=1)
+        taken += q @ (ops.assembly.soft @ q) / 2
+    return work / stored - 1, taken / stored

@@ -2,8 +2,11 @@
 
 import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
+from mpmtop.large_deformation.model import Model
+from mpmtop.large_deformation.steps import Trajectory
 from validation.studies.large_deformation.crossings import Crossed
 from validation.studies.large_deformation.smooth import Line
 
@@ -48,4 +51,29 @@ def crossing_figure(real: dict[str, list[Crossed]], induced: dict[str, list[Cros
     axes[0, 0].set(ylabel="|error| of the tip")
     axes[1, 0].set(ylabel="error of the stress (RMS)")
     figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
+    return figure
+
+
+def sketch(model: Model, path: Trajectory) -> Figure:
+    """The bent beam's points at the start and at the end, on the grid, its clamp and the direction of its load."""
+    figure, ax = plt.subplots(figsize=(6.6, 5.2))
+    grid, points = model.grid, model.points
+    lower = np.array(grid.origin)
+    upper = lower + np.array(grid.h) * grid.cells
+    ax.vlines(np.arange(grid.nodes[0]) * grid.h[0] + lower[0], lower[1], upper[1], colors="0.85", linewidths=0.4)
+    ax.hlines(np.arange(grid.nodes[1]) * grid.h[1] + lower[1], lower[0], upper[0], colors="0.85", linewidths=0.4)
+    for (x, half_length), color in (
+        ((points.x, points.half_length), "0.6"),
+        ((path.states[-1].x, path.states[-1].half_length), "C0"),
+    ):
+        # domains of true size
+        corners = x[:, None] + half_length[:, None] * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+        ax.add_collection(PolyCollection(list(corners), facecolors=color, edgecolors="white", linewidths=0.2))
+    top = points.x[:, 1].max() + points.half_length[0, 1]
+    ax.plot([0, 0], [0, top], color="#d55e00", linewidth=4, solid_capstyle="butt", label="held")
+    carried = path.states[-1].x[np.any(model.force != 0, axis=1)].mean(axis=0)
+    arrow = {"arrowstyle": "-|>", "color": "black", "linewidth": 1.6}
+    ax.annotate("", tuple(carried - [0, 1.5]), tuple(carried), arrowprops=arrow)
+    ax.set(aspect="equal", xlim=(lower[0], upper[0]), ylim=(lower[1], upper[1]), xlabel="x / depth", ylabel="y / depth")
+    ax.legend(loc="upper right")
     return figure

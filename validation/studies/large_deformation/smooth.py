@@ -7,7 +7,6 @@ import numpy as np
 
 from mpmtop.arrays import Array
 from mpmtop.body import Body, Support
-from mpmtop.equilibrium import equilibrium
 from mpmtop.grid import Grid
 from mpmtop.large_deformation import adjoint
 from mpmtop.large_deformation.kinematics import Weights
@@ -15,11 +14,8 @@ from mpmtop.large_deformation.model import Model, discretise
 from mpmtop.large_deformation.objectives import EndCompliance, EndStress, PathObjective, gradient
 from mpmtop.large_deformation.steps import Trajectory, trajectory
 from mpmtop.loads import RegionLoad
-from mpmtop.model import discretise as discretise_small
 from mpmtop.region import Rectangle
-from mpmtop.shape_functions import gimp
-from validation.bodies.large import GIMP, INF, METHODS
-from validation.measures.timing import cpu_seconds
+from validation.bodies.large import INF, METHODS
 
 SAMPLES = 60
 STEPS = 4
@@ -107,18 +103,3 @@ def _loss(objective: PathObjective, model: Model, path: Trajectory) -> float:
     with patch.object(adjoint, "pull_back", _frozen):
         lazy = gradient(objective, model, path, path.moduli)[1]
     return float(np.linalg.norm(lazy - exact) / np.linalg.norm(exact))
-
-
-def cost() -> tuple[dict[str, float], int]:
-    """CPU seconds of load steps, gradient and one linear analysis, 800 points by GIMP; and Newton steps in all."""
-    box = Grid((-8.0, -20.0), (1.0, 1.0), (40, 46))
-    model = discretise(short(), steps=STEPS, grid=box, **METHODS[GIMP])
-    small = discretise_small(short(), 1.0, 2, shape_function=gimp)
-    E = moduli(model)[0]
-    path = trajectory(model, E)
-    work = {
-        "forward": lambda: trajectory(model, E),
-        "gradient": lambda: gradient(EndCompliance(), model, path, E),
-        "linear analysis": lambda: equilibrium(small, E),
-    }
-    return cpu_seconds(work, repeats=3), sum(path.newton_steps)

@@ -41,6 +41,7 @@ BODY = Body(
 )
 DESIGN = Design(volume_fraction=0.5, filter_radius=3.0, passive_solid=TIP)
 BOX = Grid((-8.0, -84.0), (H, H), (52, 60))
+BACKGROUND = 1e-5
 JUDGED = (1 / 3, 2 / 3, 1.0)
 LINEAR, FEM, PATH = "linear", "FEM", "GIMP, path"
 NONLINEAR = (TOTAL, GIMP, TENT, SPLINE, FEM, PATH)
@@ -74,7 +75,8 @@ def problem(method: str) -> Problem[Any]:
     if method == FEM:
         return elements(1, JUDGED)  # the levels lead Newton's method and decide nothing
     objective = PathCompliance() if method == PATH else EndCompliance()
-    how = METHODS[GIMP if method == PATH else method]
+    # void is in all of them, and without a background it inverts
+    how = METHODS[GIMP if method == PATH else method] | {"alpha": BACKGROUND}
     return LoadStepProblem(discretise(BODY, ppc=2, steps=STEPS, grid=BOX, **how), DESIGN, objective)
 
 
