@@ -71,6 +71,11 @@ class Assembly:
     to_unknowns: sp.csr_array
     held: Mask
 
+    @cached_property
+    def from_unknowns(self) -> sp.csc_array:
+        """(2 nodes, m): the transpose of `to_unknowns`."""
+        return self.to_unknowns.T
+
     @property
     def nbytes(self) -> int:
         """Memory [bytes] of what grows with the points."""

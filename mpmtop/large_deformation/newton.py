@@ -104,7 +104,7 @@ class Problem:
         applied = float(np.linalg.norm(np.where(held, internal, self.external)))
         # entries of F near 1 leave eps E in the stresses, however small these are
         by_size = np.linalg.norm(weighted, axis=(1, 2)) + np.abs(self.weight)
-        rounding = ROUNDING * float(np.linalg.norm(ops.sizes.T @ by_size))
+        rounding = ROUNDING * float(np.linalg.norm(ops.sizes_t @ by_size))
         size = float(np.linalg.norm(R))
         if not np.isfinite(size):
             return None

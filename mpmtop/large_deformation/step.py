@@ -39,22 +39,27 @@ class Operators:
         return self._rows(self.g.swapaxes(1, 2).ravel(), column, np.arange(0, 2 * p * n + 1, n))
 
     @cached_property
+    def G_t(self) -> sp.csc_array:
+        """(nodes, 2 p): the transpose of G."""
+        return self.G.T
+
+    @cached_property
     def N(self) -> sp.csr_array:
         """(p, nodes): N_pi."""
         p, n = self.weights.N.shape
         return self._rows(self.weights.N.ravel(), self.weights.node.ravel(), np.arange(0, p * n + 1, n))
 
     @cached_property
-    def sizes(self) -> sp.csr_array:
-        """(p, nodes): |g_pi|."""
-        return self._rows(np.linalg.norm(self.g, axis=2).ravel(), self.N.indices, self.N.indptr)
+    def sizes_t(self) -> sp.csc_array:
+        """(nodes, p): |g_pi|."""
+        return self._rows(np.linalg.norm(self.g, axis=2).ravel(), self.N.indices, self.N.indptr).T
 
     def _rows(self, data: Array, column: Index, start: Index) -> sp.csr_array:
         return sp.csr_array((data, column, start), shape=(len(start) - 1, len(self.assembly.held) // 2))
 
     def nodal(self, q: Array) -> Array:
         """Vectors (nodes, 2) of the unknowns q (m,)."""
-        return (self.assembly.to_unknowns.T @ q).reshape(-1, 2)
+        return (self.assembly.from_unknowns @ q).reshape(-1, 2)
 
     def reduced(self, force: Array) -> Array:
         """Forces (m,) on the unknowns, of forces (nodes, 2)."""
@@ -70,7 +75,7 @@ class Operators:
 
     def to_nodes(self, by_F: Array) -> Array:
         """sum_p by_F_p g_i (nodes, 2) of by_F (p, 2, 2): the transpose of `gradient`."""
-        return self.G.T @ by_F.swapaxes(1, 2).reshape(-1, 2)
+        return self.G_t @ by_F.swapaxes(1, 2).reshape(-1, 2)
 
 
 def start(model: Model, dtype: type = float) -> State:

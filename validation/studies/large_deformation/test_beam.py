@@ -15,11 +15,13 @@ from validation.studies.large_deformation.tolerances import RTOL
 Case = tuple[str, float, int, int]
 """Method, h, points per cell and direction, steps."""
 CASES: list[Case] = [
-    *((m, *how) for m in METHODS for how in ((1 / 2, 2, 10), (1 / 2, 2, 20), (1 / 2, 3, 10), (1 / 4, 3, 10))),
-    *((m, *how) for m in (TOTAL, TENT, GIMP) for how in ((1 / 2, 4, 10), (1 / 4, 2, 10))),
+    *((m, 1 / 2, ppc, 10) for m in METHODS for ppc in (2, 3)),
+    *((m, *how) for m in (TENT, GIMP) for how in ((1 / 2, 2, 20), (1 / 2, 4, 10), (1 / 4, 2, 10), (1 / 4, 3, 10))),
+    *((TOTAL, h, ppc, 10) for h, ppc in ((1 / 2, 4), (1 / 4, 3))),
     (GIMP, 1 / 4, 4, 10),
 ]
 FINER: list[Case] = [
+    *((m, 1 / 4, 3, 10) for m in (STRETCHED, SPLINE)),
     *((m, 1 / 8, 3, 10) for m in (TOTAL, TENT, GIMP)),
     (TENT, 1 / 8, 2, 10),
     *((m, 1 / 4, 2, n) for m in (TENT, GIMP) for n in (20, 40, 80)),
