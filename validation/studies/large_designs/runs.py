@@ -60,7 +60,7 @@ class Run(NamedTuple):
 
 
 class Judged(NamedTuple):
-    """f . u by biquadratic elements, one for each point, at the `JUDGED` load levels by the level, (3,); of linear
+    """f . u by elements, one for each point, at the `JUDGED` load levels by the level, (3,); of linear
     elasticity; and the tip's displacement by the length at full load."""
 
     levels: Array
@@ -123,14 +123,14 @@ def points() -> MaterialPoints:
 
 
 @cache
-def judge() -> LargeDesignProblem:
-    """The problem by biquadratic elements."""
-    return elements(2, JUDGED)
+def judge(order: int = 2) -> LargeDesignProblem:
+    """The problem by biquadratic elements, or those of another order."""
+    return elements(order, JUDGED)
 
 
-def judged(rho: Array) -> Judged:
+def judged(rho: Array, order: int = 2) -> Judged:
     """A design (p,) judged."""
-    of = judge()
+    of = judge(order)
     at_elements = rho[KDTree(points().x).query(of.model.fem.centres)[1]]
     at = of.analyse(at_elements)
     f = of.model.fem.f_ext

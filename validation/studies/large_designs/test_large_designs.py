@@ -48,7 +48,7 @@ SO = (
     "Name the loads that matter: a design for the end of the path alone is a rope. Start from the linear design, and "
     "take the path objective where small loads matter, too.",
 )
-ITERATIONS = 25
+ITERATIONS, FEW = 25, 12
 RTOL = 2e-3
 """Optimisations part ways with the last bit of LAPACK; two runs of one machine agree to all digits."""
 
@@ -81,7 +81,7 @@ def _table(runs: Runs) -> pd.DataFrame:
 
 
 def _record(report: Report, name: str, runs: Runs) -> None:
-    caption = "Compliances f . u by the load level; judged by biquadratic elements, and by linear elasticity."
+    caption = "Compliances f . u by the load level; judged by total Lagrangian elements, and by linear elasticity."
     report.table(name, _table(runs), caption, 4)
     report.figure(f"{name}_drawn", designs_figure(runs), "The designs, points in true size.")
 
@@ -99,14 +99,14 @@ def _converged(report: Report, runs: Runs) -> bool:
 def test_rope(report: Report, lock: Lock) -> None:
     """A rope
 
-    The linear design beside that of total Lagrange from a uniform field: what the benchmark does with every method, for
-    the cheapest of them.
+    The linear design beside that of total Lagrange from a uniform field, twelve iterations: what the benchmark does with
+    every method, for the cheapest of them. Judged by bilinear elements.
     """
     _opening(report)
     runs: Runs = {}
     for method in (LINEAR, TOTAL):
-        run = optimised(method, UNIFORM, ITERATIONS)
-        runs[method, UNIFORM] = run, judged(run.rho)
+        run = optimised(method, UNIFORM, FEW)
+        runs[method, UNIFORM] = run, judged(run.rho, order=1)
     _record(report, "rope", runs)
     converged = _converged(report, runs)
     (_, linear), (_, rope) = runs.values()
