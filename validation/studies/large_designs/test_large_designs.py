@@ -99,8 +99,8 @@ def _converged(report: Report, runs: Runs) -> bool:
 def test_rope(report: Report, lock: Lock) -> None:
     """A rope
 
-    The linear design beside that of total Lagrange from a uniform field, twelve iterations: what the benchmark does with
-    every method, for the cheapest of them. Judged by bilinear elements.
+    The linear design beside that of total Lagrange from a uniform field, twelve iterations: what the benchmark does
+    with every method, for the cheapest of them. Judged by bilinear elements.
     """
     _opening(report)
     runs: Runs = {}
