@@ -35,7 +35,8 @@ class Projection:
         rho = (tanh(beta eta) + tanh(beta (r - eta))) / (tanh(beta eta) + tanh(beta (1 - eta)))
 
     `preserve_volume` takes for eta, in place of `threshold`, that at which rho has the volume of r, whatever the
-    design. Sharpen it in stages (`continuation`) of a design each, from beta 1 on.
+    design. Sharpen it in stages (`continuation`) of a design each, from beta 1 on, and by small steps: at a beta of 16
+    and more a threshold that follows the design moves far with it, and a rule without an inner loop may lose its way.
     Sources: Wang, Lazarov and Sigmund (2011), Struct. Multidisc. Optim. 43:767; Xu, Cai and Cheng (2010), ibid. 41:495.
     """
 

@@ -16,7 +16,7 @@ CONTENTS = Contents(
             *("removal", "cantilever", "l_bracket", "crossing_cantilever", "crossing_l_bracket", "hole"),
             *("multi_resolution", "choices"),
         ),
-        "Beyond the paper": ("crossing", "large_deformation", "large_designs", "work_precision"),
+        "Beyond the paper": ("tasks", "crossing", "large_deformation", "large_designs", "work_precision"),
         "Cost": ("scale", "skipping", "peers"),
         "Robustness": ("stability",),
     },
