@@ -55,7 +55,8 @@ def test_compliance_start(report: Report, progress: ShowProgress) -> None:
     problem = design_problem(l_bracket(), H)
     points = problem.model.points
     judge = build_judge(l_bracket(), points.x, points.half_length, split=1)
-    rows, needed = [], {}
+    rows: list[list[str | float]] = []
+    needed = {}
     for name, first in progress([(name, first) for name in RULES for first in (0, START)], "runs"):
         run = list(within(continuation(stages(problem, RULES[name], first)), 1 if first else 0))
         feasible = [(iterate, spent) for iterate, spent in run if iterate.constraints.max() <= FEASIBLE]
