@@ -23,6 +23,7 @@ from validation.harness.report import Report
 from validation.measures.drawing import draw_design, draw_points
 from validation.measures.history import histories
 from validation.methods.analyser import ROUNDING_RISE, Analyser, Optimisation
+from validation.paper import compare_identical
 from validation.studies.cantilever.tolerances import RTOL_ANALYSIS, RTOL_OPTIMUM
 
 ASKED = "Without crossing, does MPM find the design that finite elements find for compliance?"
@@ -60,16 +61,7 @@ def test_solid_stress(report: Report, lock: Lock, analysers: dict[str, Analyser]
         ),
         report.check("points whose domain leaves its cell", int(leaves.sum()), 0, source=paper.NO_CROSSING),
     ]
-    holds += [
-        report.check(
-            f"{what} of the cantilever, standard against GIMP: largest difference over largest value",
-            float(np.abs(a - b).max() / np.abs(a).max()),
-            at_most=1e-14,
-            source=paper.IDENTICAL,
-            why="identical but for the last digits of double precision",
-        )
-        for what, (a, b) in identical.items()
-    ]
+    holds += compare_identical(report, "cantilever", identical)
 
     compliance = {name: solid[name].objective for name in solid} | {"fine reference": judge(np.ones(len(x))).compliance}
     table = pd.DataFrame({"compliance = tip displacement": compliance})

@@ -25,6 +25,7 @@ from validation.harness.report import Report
 from validation.measures.drawing import draw_design, draw_points
 from validation.measures.history import histories
 from validation.methods.analyser import METHODS, ROUNDING_RISE, Analyser, DensityField, Optimisation
+from validation.paper import compare_identical
 from validation.studies.l_bracket.rules import RTOL_ANALYSIS, RTOL_OPTIMUM
 
 ASKED = "Without crossing, does MPM find designs of low stress, and are they so in truth?"
@@ -70,16 +71,7 @@ def test_initial_stress(report: Report, lock: Lock, analysers: dict[str, Analyse
         "von Mises stress": (vm["standard"], vm["GIMP"]),
         "p-norm sensitivity": (gradient[0], gradient[1]),
     }
-    holds += [
-        report.check(
-            f"{what} of the L-bracket, standard against GIMP: largest difference over largest value",
-            float(np.abs(a - b).max() / np.abs(a).max()),
-            at_most=1e-14,
-            source=paper.IDENTICAL,
-            why="identical but for the last digits of double precision",
-        )
-        for what, (a, b) in identical.items()
-    ]
+    holds += compare_identical(report, "L-bracket", identical)
     table = pd.DataFrame(
         {
             "p-norm, uniform 0.4": {name: evaluation.objective for name, evaluation in start.items()},
