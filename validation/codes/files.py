@@ -55,6 +55,10 @@ only.
 """
 
 
+IN_FILES: tuple[Capability, ...] = tuple(word for word in get_args(Capability) if word != "load steps")
+"""What can be asked in files."""
+
+
 class CodeFile(NamedTuple):
     """What a code in files says of itself."""
 
@@ -74,8 +78,8 @@ def read_code(path: Path) -> CodeFile:
         raise NoAdapter(f"{path}: the code has to say there what it is capable of ({error.strerror})") from error
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise NoAdapter(f"{path}: give `name` and a list of `capabilities` as JSON ({error})") from error
-    if unknown := sorted(found[2] - set(get_args(Capability))):
-        raise NoAdapter(f"{path}: {unknown} are no capabilities; there are {get_args(Capability)}")
+    if unknown := sorted(found[2] - set(IN_FILES)):
+        raise NoAdapter(f"{path}: {unknown} are no capabilities in files; there are {IN_FILES}")
     return CodeFile(*found)
 
 
@@ -217,7 +221,7 @@ def _check_places(path: Path, x: Array, case: Case) -> None:
 class Recorder:
     """A code of all capabilities that writes down what it is asked, and answers nothing."""
 
-    name, version, capabilities = "recorder", "", frozenset(get_args(Capability))
+    name, version, capabilities = "recorder", "", frozenset(IN_FILES)
 
     def __init__(self, folder: Path) -> None:
         self.folder, self.written = folder, set[str]()
@@ -248,9 +252,9 @@ def write_cases(folder: Path, checks: Iterable[Check]) -> int:
     """All that the checks ask, each in a folder of its own, and the schema; how many there are."""
     recorder = Recorder(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    words = "".join(f"- {word}\n" for word in get_args(Capability))
+    words = "".join(f"- {word}\n" for word in IN_FILES)
     (folder / "SCHEMA.md").write_text(f"{SCHEMA}\n## Capabilities\n\n{words}", "utf-8")
-    for check in checks:
+    for check in (check for check in checks if check.needs <= recorder.capabilities):
         with suppress(Exception), np.errstate(all="ignore"):  # zeros are no answer to compute with
             check.observe(recorder)
     return len(recorder.written)
