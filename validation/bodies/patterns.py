@@ -29,9 +29,17 @@ def strip(crossings: Sequence[Crossing]) -> plt.Figure:
         crosses = np.any(np.floor(x / H) != np.floor(seeded.x / H), axis=1)
         ax.vlines(np.arange(17) * H, 0, 2 * H, color="0.7", linewidth=0.6)
         ax.hlines(np.arange(3) * H, 0, 16 * H, color="0.7", linewidth=0.6)
-        ax.plot(*seeded.x[moves].T, "o", markersize=3, markerfacecolor="none", markeredgecolor="0.6", linestyle="none")
+        ax.plot(
+            *seeded.x[moves].T,
+            "o",
+            markersize=3,
+            markerfacecolor="none",
+            markeredgecolor="0.6",
+            linestyle="none",
+            rasterized=True,
+        )
         for chosen, color in ((~moves, "0.35"), (moves & ~crosses, "#0072b2"), (crosses, "#d55e00")):
-            ax.plot(*x[chosen].T, "o", markersize=3, color=color, linestyle="none")
+            ax.plot(*x[chosen].T, "o", markersize=3, color=color, linestyle="none", rasterized=True)
         ax.set_title(str(crossing), fontsize="small", loc="left", pad=2)
         ax.set(aspect="equal", xlim=(-0.2, 16.9), yticks=[])
         ax.spines[["left", "bottom"]].set_visible(False)

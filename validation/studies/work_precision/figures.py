@@ -104,8 +104,9 @@ def recorded(report: Report, frame: pd.DataFrame, tag: str, benchmark: str = "")
         runs = frame[frame["quantity"] == quantity]
         caption = f"Error of the {quantity} against nonzeros of K, 2 x 2 points per cell. Circles: Pareto front of all."
         draw(report, name, work_figure(runs), caption, folded=number > 0)
-        caption = f"Error of the {quantity} as seeded against the other costs, with 1 to 4 points per cell, too (thin)."
-        draw(report, f"{name}_in_full", full_figure(runs), caption, folded=True)
+        if benchmark:  # the finest levels are shown by the first cost only: a page has room for so much
+            caption = f"Error of the {quantity} as seeded against the other costs, with 1 to 4 points per cell (thin)."
+            draw(report, f"{name}_in_full", full_figure(runs), caption, folded=True)
         table = slope[quantity].unstack("ppc").round(2).rename(columns=lambda p: f"{p} x {p}" if p else "elements")
         report.table(f"{name}_slopes", table, f"Slopes of the {quantity} by points per cell.", 3)
 

@@ -43,14 +43,21 @@ def _panel(ax: plt.Axes, body: Body, measured: np.ndarray | None) -> None:
     size = float(np.max(upper - lower))
     count = np.maximum(np.rint(POINTS * (upper - lower) / size), 4)
     points = seed(body.domain, tuple((upper - lower) / count))
-    ax.scatter(points.x[:, 0], points.x[:, 1], s=5, color="0.8", linewidths=0)
+    ax.scatter(points.x[:, 0], points.x[:, 1], s=5, color="0.8", linewidths=0, rasterized=True)
     edge = points.x[:, None, :] + points.half_length[:, None, :] * np.array([(-1, 0), (1, 0), (0, 1), (0, -1)])
     edge = edge.reshape(-1, 2)
     for support in body.held:
         held = edge[support.region.contains(edge, 1e-9)]
-        ax.scatter(held[:, 0], held[:, 1], s=7, color="#d55e00", linewidths=0)
+        ax.scatter(held[:, 0], held[:, 1], s=7, color="#d55e00", linewidths=0, rasterized=True)
     arrows(ax, body, points, 0.2 * size)
     if measured is not None:
-        ax.plot(*measured.T, "o", markersize=3 if len(measured) == 1 else 1, color="#0072b2", linestyle="none")
+        ax.plot(
+            *measured.T,
+            "o",
+            markersize=3 if len(measured) == 1 else 1,
+            color="#0072b2",
+            linestyle="none",
+            rasterized=True,
+        )
     ax.set_aspect("equal")
     ax.margins(0.1)
