@@ -36,7 +36,7 @@ from validation.harness.timed import (
 _CLOCK_PAGES: dict[str, Place] = {"timings": "timed", "benchmark": "benchmark"}
 PROVENANCE = "data/provenance.json"
 """Where the last run was: kept on its machine only."""
-PLAIN = " ;,/?:@=+$-_.!~*()"
+PLAIN = " ;,/?:@=+$-_.!~*"
 """Letters that a data URI in an attribute holds as they are."""
 PAGE = 1_800_000
 """Bytes of pictures that leave a page below 2 MB."""
