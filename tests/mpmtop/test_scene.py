@@ -41,7 +41,7 @@ NAN = float("nan")
         ({"penal": 0.5}, InvalidScene, "at least 1"),
         ({"penal": NAN}, InvalidScene, "at least 1"),
         ({"supports": LEFT_CLAMP}, InvalidScene, "with a comma"),
-        ({"supports": (LEFT_CLAMP.region,)}, InvalidScene, r"give Support\(region, fixed\)"),
+        ({"supports": (LEFT_CLAMP.region,)}, InvalidScene, "give a `Support`, an `EdgeSupport` or a `Spring`"),
         ({"loads": (LEFT_CLAMP,)}, InvalidScene, "give a `PointLoad`"),
         ({"material": (Material(), Material())}, InvalidScene, "one Material for all"),
         ({"objective": "compliance"}, InvalidScene, r"give Compliance\(\)"),
