@@ -11,7 +11,7 @@ import numpy as np
 
 from mpmtop.arrays import Array
 from mpmtop.errors import EmptyDomain, InvalidScene, LoadOutsideBody, UnsupportedBody
-from mpmtop.loads import Load, positions
+from mpmtop.loads import Load, action, positions
 from mpmtop.region import Region, check_region, finite, finite_pair
 
 
@@ -172,3 +172,19 @@ class Body:
     def is_displaced(self) -> bool:
         """Whether a support prescribes a displacement other than zero."""
         return any(any(support.displacement) for support in self.held)
+
+
+def check_load_steps(body: Body, x: Array, volume: Array, tol: float) -> None:
+    """InvalidScene for what load steps do not have: supports other than nodes that stay where they are, and loads along
+    the outline or by volume. Arguments as for `Load.act`."""
+    if body.springs or body.edges or body.is_displaced:
+        raise InvalidScene(
+            "springs, supports along the outline and prescribed displacements are of small strain: in large "
+            "deformation give each `Support` a region of nodes, without a displacement"
+        )
+    acts = action(body.loads, x, volume, tol)
+    if acts.along or acts.throughout:
+        raise InvalidScene(
+            "loads along the outline and by volume are of small strain: in large deformation give a `PointLoad` or a "
+            "`RegionLoad`, dead loads that points carry"
+        )

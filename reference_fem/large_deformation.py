@@ -23,8 +23,10 @@ from skfem import CellBasis
 from skfem.helpers import grad
 
 from mpmtop.arrays import Array, Index
+from mpmtop.body import check_load_steps
 from mpmtop.errors import InvalidScene, NotConverged
 from reference_fem.elasticity import FemModel
+from reference_fem.mesh import GEOMETRY_TOLERANCE, shortest_side
 
 TOLERANCE = 1e-11
 """Of |R| against applied forces and reactions: Newton is quadratic, the next step would be at rounding."""
@@ -209,11 +211,13 @@ class LargeModel:
 
 
 def large_model(fem: FemModel, law: PrincipalLaw) -> LargeModel:
-    """`fem` in large deformation. InvalidScene in plane stress, or where the law has another Poisson's ratio."""
+    """`fem` in large deformation. InvalidScene in plane stress, where the law has another Poisson's ratio, and for
+    supports and loads that load steps do not have, see `check_load_steps`."""
     if fem.body.material.plane != "strain":
         raise InvalidScene("large deformation in plane stress: the laws are those of plane strain, set plane='strain'")
     if law.poisson != fem.body.material.poisson:
         raise InvalidScene(f"{law} for a material of Poisson's ratio {fem.body.material.poisson}: give both the same")
+    check_load_steps(fem.body, fem.centres, fem.area, GEOMETRY_TOLERANCE * shortest_side(fem.basis.mesh))
     biquadratic = fem.basis.Nbfun == 18
     return LargeModel(fem, law, CellBasis(fem.basis.mesh, fem.basis.elem, intorder=5 if biquadratic else 3))
 

@@ -23,7 +23,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from mpmtop.arrays import Array, Index, Mask
-from mpmtop.body import Body
+from mpmtop.body import Body, check_load_steps
 from mpmtop.errors import InvalidScene, LoadOutsideBody, UnsupportedBody
 from mpmtop.grid import Grid
 from mpmtop.large_deformation.assembly import Assembly, Stencils, assembly
@@ -146,6 +146,7 @@ def discretise(
     lower, upper = body.domain.bounds
     if grid is None:
         grid = Grid.around(lower, upper, (hx, hy), margin=1 + int(np.ceil(np.max(upper - lower) / 2 / min(hx, hy))))
+    check_load_steps(body, points.x, points.volume, 1e-9 * min(grid.h))
     unknown, sign = _unknowns(body, grid, shape_function)
     force = _forces(body, grid, points)
     young = float(body.material.young)
@@ -205,8 +206,6 @@ def _unknowns(body: Body, grid: Grid, shape_function: ShapeFunction) -> tuple[In
     lower, upper = body.domain.bounds
     nearest = np.clip(position, lower, upper) if spline else position
     held = np.zeros((len(position), 2), dtype=bool)
-    if body.edges or body.springs or body.is_displaced:
-        raise InvalidScene("large deformation holds nodes at zero: no springs, edge supports or displacements")
     for support in body.held:
         inside = support.region.contains(position, tol) | support.region.contains(nearest, tol)
         if not np.any(inside):

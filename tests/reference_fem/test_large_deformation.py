@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mpmtop.body import Body, Material, Support
+from mpmtop.body import Body, Material, Spring, Support
 from mpmtop.errors import InvalidScene, NotConverged
 from mpmtop.grid import Grid
 from mpmtop.large_deformation.law import Hencky, Law, NeoHookean
 from mpmtop.large_deformation.model import discretise as discretise_points
 from mpmtop.large_deformation.objectives import EndCompliance, PathCompliance, gradient
 from mpmtop.large_deformation.steps import trajectory
-from mpmtop.loads import PositionLoad
+from mpmtop.loads import PositionLoad, Weight
 from mpmtop.points import seed, to_gauss_points
 from mpmtop.region import Rectangle
 from mpmtop.shape_functions import tent
@@ -130,6 +130,16 @@ def test_plane_stress_and_another_poisson_are_refused() -> None:
         large_model(fem, LogarithmicLaw(0.2))
     with pytest.raises(InvalidScene, match="plane stress"):
         large_model(replace(fem, body=replace(fem.body, material=Material(1, 0.3, "stress"))), LogarithmicLaw(0.3))
+
+
+def test_what_load_steps_do_not_have_is_refused() -> None:
+    body = cantilever()
+    for change in (
+        {"loads": (*body.loads, Weight((0.0, -1.0)))},
+        {"supports": (*body.supports, Spring((20.0, 5.0), 1.0, (0.0, 1.0)))},
+    ):
+        with pytest.raises(InvalidScene, match="small strain"):
+            large_model(discretise(replace(body, **change), 2.0), LogarithmicLaw(0.3))
 
 
 def test_load_without_equilibrium_is_named() -> None:

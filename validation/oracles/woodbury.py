@@ -153,7 +153,11 @@ def material_points(problem: DesignProblem) -> System:
     F = np.sqrt(model.points.volume)[:, None, None] * (np.linalg.cholesky(model.D).T @ B)
 
     def matrix(moduli: Numbers) -> sp.csr_array:
-        lower = sp.csr_array((pattern.data_map @ moduli, (pattern.row, pattern.col)), shape=2 * pattern.dof.shape)
+        # to the bit what the solver factors; K is linear in the moduli, complex ones included
+        data = pattern.data(moduli.real)
+        if np.iscomplexobj(moduli):
+            data = data + 1j * pattern.data(moduli.imag)
+        lower = sp.csr_array((data, (pattern.row, pattern.col)), shape=2 * pattern.dof.shape)
         return sp.csr_array(lower + sp.triu(lower.T, k=1))
 
     local = (2 * transfer.stencil[:, :, None] + np.arange(2)).reshape(p, 2 * nodes)

@@ -7,7 +7,7 @@ from itertools import islice
 import numpy as np
 import pytest
 
-from mpmtop.body import Body, Material, Support
+from mpmtop.body import Body, EdgeSupport, Material, Spring, Support
 from mpmtop.equilibrium import equilibrium
 from mpmtop.errors import InvalidScene, LoadOutsideBody, NotConverged, PointOutsideGrid, UnsupportedBody
 from mpmtop.grid import Grid
@@ -18,7 +18,7 @@ from mpmtop.large_deformation.newton import Failure, Problem, newton
 from mpmtop.large_deformation.objectives import EndCompliance
 from mpmtop.large_deformation.step import moved, operators, start
 from mpmtop.large_deformation.steps import load_steps, trajectory
-from mpmtop.loads import PositionLoad, RegionLoad
+from mpmtop.loads import PositionLoad, RegionLoad, Traction, Weight
 from mpmtop.model import discretise as discretise_small
 from mpmtop.points import seed
 from mpmtop.region import Rectangle
@@ -225,6 +225,35 @@ def hanging(**change: object) -> Body:
             partial(discretise, hanging(loads=(PositionLoad((20, 5), (0, -1)),)), 2.0),
             InvalidScene,
             "only points carry loads",
+        ),
+        (partial(discretise, hanging(loads=(Weight((0, -1)),)), 2.0), InvalidScene, "of small strain"),
+        (
+            partial(
+                discretise, hanging(loads=(*cantilever().loads, Traction(Rectangle((0, 10), (20, 10)), (0, -1)))), 2.0
+            ),
+            InvalidScene,
+            "of small strain",
+        ),
+        (
+            partial(discretise, hanging(supports=(*cantilever().supports, Spring((20, 5), 1.0, (0, 1)))), 2.0),
+            InvalidScene,
+            "prescribed displacements",
+        ),
+        (
+            partial(
+                discretise, hanging(supports=(EdgeSupport(Rectangle((0, 10), (20, 10))), *cantilever().supports)), 2.0
+            ),
+            InvalidScene,
+            "prescribed displacements",
+        ),
+        (
+            partial(
+                discretise,
+                hanging(supports=(Support(Rectangle((-np.inf, -np.inf), (0.0, np.inf)), (True, True), (1.0, 0.0)),)),
+                2.0,
+            ),
+            InvalidScene,
+            "prescribed displacements",
         ),
         (
             partial(discretise, hanging(supports=(Support(Rectangle((500, 0), (501, 1))),)), 2.0),
