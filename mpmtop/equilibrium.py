@@ -206,8 +206,7 @@ def checked_solve(
             raise _unusable(model, moduli, u[free], energy)
         relative = float(np.linalg.norm(R) / size)
         v = u if state is None else state
-        product = float(np.sqrt(energy) * np.sqrt(stored))
-        whole = energy if state is None else product if scale is None else abs(scale)
+        whole = energy if state is None else float(np.sqrt(energy) * np.sqrt(stored)) if scale is None else abs(scale)
         missed = _part(abs(float(R @ v[free])), whole)
         if relative <= tol and missed <= tol:
             return Solution(u, strain, count, relative)

@@ -19,7 +19,7 @@ from mpmtop.grid import Grid
 from mpmtop.loads import Load, check_work
 from mpmtop.material import tangent
 from mpmtop.points import MaterialPoints, seed
-from mpmtop.region import divisions
+from mpmtop.region import Region, divisions
 from mpmtop.shape_functions import Ends, ShapeFunction, tent
 from mpmtop.solvers import Lattice, Pattern, Solver, choose_solver
 from mpmtop.stiffness import Stiffness, stiffness
@@ -148,22 +148,9 @@ def discretise(
     These move far and the edge gets softer by a step, the more so the fewer cells the body has, unless a ghost penalty
     ties them: take quantities of interest at points, not at nodes.
     """
-    if grid is not None and h is None:
-        h = grid.h
-    elif grid is not None or h is None:
-        raise InvalidScene("cells: give their size h or a `grid`, one of the two")
-    if points is not None and ppc is not None:
-        raise InvalidScene(f"{ppc} points per cell beside `points`: give one of the two")
-    hx, hy = (float(s) for s in np.broadcast_to(h, 2))
-    lower, upper = body.domain.bounds
     seeded_in = body.domain if points is None else None
-    if points is None:
-        nx, ny = np.broadcast_to(2 if ppc is None else ppc, 2)
-        if min(nx, ny) < 1 or not np.issubdtype(nx.dtype, np.integer):
-            raise ValueError(f"{ppc} points per cell: give at least one in each direction, a whole number")
-        points = seed(body.domain, (hx / nx, hy / ny))
-        # the lattice took the exact division of the sides; a grid of another pitch would drift through the points
-        hx, hy = (upper - lower) * (nx, ny) / divisions("spacing", (lower, upper), (hx / nx, hy / ny))
+    points, (hx, hy) = points_and_cell(body.domain, h, ppc, points, grid)
+    lower, upper = body.domain.bounds
     if grid is None:
         outside = np.maximum([lower - points.x.min(axis=0), points.x.max(axis=0) - upper], 0) / (hx, hy)
         grid = Grid.around(lower, upper, (hx, hy), margin=2 + int(np.ceil(outside.max())))
@@ -188,6 +175,36 @@ def discretise(
     for finding in found:
         warnings.warn(finding, stacklevel=2)
     return model
+
+
+def points_and_cell(
+    domain: Region,
+    h: float | tuple[float, float] | None,
+    ppc: int | tuple[int, int] | None,
+    points: MaterialPoints | None,
+    grid: Grid | None,
+) -> tuple[MaterialPoints, tuple[float, float]]:
+    """The points, seeded unless given, and the size (hx, hy) of a cell; arguments as for `discretise`.
+
+    InvalidScene where one of them leaves another without effect.
+    """
+    if grid is not None and h is None:
+        h = grid.h
+    elif grid is not None or h is None:
+        raise InvalidScene("cells: give their size h or a `grid`, one of the two")
+    if points is not None and ppc is not None:
+        raise InvalidScene(f"{ppc} points per cell beside `points`: give one of the two")
+    hx, hy = (float(s) for s in np.broadcast_to(h, 2))
+    if points is not None:
+        return points, (hx, hy)
+    nx, ny = np.broadcast_to(2 if ppc is None else ppc, 2)
+    if min(nx, ny) < 1 or not np.issubdtype(nx.dtype, np.integer):
+        raise ValueError(f"{ppc} points per cell: give at least one in each direction, a whole number")
+    points = seed(domain, (hx / nx, hy / ny))
+    # the lattice took the exact division of the sides; a grid of another pitch would drift through the points
+    lower, upper = domain.bounds
+    hx, hy = (upper - lower) * (nx, ny) / divisions("spacing", (lower, upper), (hx / nx, hy / ny))
+    return points, (hx, hy)
 
 
 def check_loads(model: Model) -> None:

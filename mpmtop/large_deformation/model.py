@@ -31,7 +31,8 @@ from mpmtop.large_deformation.background import Background, background
 from mpmtop.large_deformation.kinematics import Domains
 from mpmtop.large_deformation.law import Hencky, Law
 from mpmtop.loads import action
-from mpmtop.points import MaterialPoints, seed
+from mpmtop.model import points_and_cell
+from mpmtop.points import MaterialPoints
 from mpmtop.shape_functions import ShapeFunction, bspline2, gimp, tent
 
 Frame = Literal["updated", "total"]
@@ -130,19 +131,8 @@ def discretise(
     shape functions than tent, gimp and bspline2; and for an argument that another one leaves without effect.
     EmptyDomain, LoadOutsideBody, UnsupportedBody as in small strain.
     """
-    if grid is not None and h is None:
-        h = grid.h
-    elif grid is not None or h is None:
-        raise InvalidScene("cells: give their size h or a `grid`, one of the two")
-    if points is not None and ppc is not None:
-        raise InvalidScene(f"{ppc} points per cell beside `points`: give one of the two")
-    hx, hy = (float(s) for s in np.broadcast_to(h, 2))
     _refuse(body, shape_function, steps, frame, domains, alpha, law)
-    if points is None:
-        nx, ny = np.broadcast_to(2 if ppc is None else ppc, 2)
-        if min(nx, ny) < 1 or not np.issubdtype(nx.dtype, np.integer):
-            raise ValueError(f"{ppc} points per cell: give at least one in each direction, a whole number")
-        points = seed(body.domain, (hx / nx, hy / ny))
+    points, (hx, hy) = points_and_cell(body.domain, h, ppc, points, grid)
     lower, upper = body.domain.bounds
     if grid is None:
         grid = Grid.around(lower, upper, (hx, hy), margin=1 + int(np.ceil(np.max(upper - lower) / 2 / min(hx, hy))))
