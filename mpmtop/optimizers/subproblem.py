@@ -94,12 +94,16 @@ def solve_subproblem(sub: Subproblem) -> Array:
     return r
 
 
+CRAWLS = 40
+"""Steps after which the bracket is halved, whatever Newton's method says: 60 halvings find any root to 1e-13."""
+
+
 def solve_single(sub: Subproblem) -> tuple[Array, Array]:
     """r (n,) and lam (1,) for one constraint: the root lam of f~_1 - y, which falls with lam, by safeguarded Newton."""
     df0, dg = (sub.p - sub.q) * ((sub.r_min < 1) & (sub.r_max > 1))
     low, high = -1.0, np.inf  # low < 0: lam = 0, an inactive constraint, has not been tried
     lam = min(max(-(df0 @ dg) / max(dg @ dg, SMALLEST), 0.0), PENALTY)  # least squares of stationarity at x_k
-    for _ in range(100):
+    for step in range(100):
         r, f, slope = dual(sub, np.array([lam]))
         g = f[1] - max(lam - PENALTY, 0.0)
         if g > 0:
@@ -114,7 +118,7 @@ def solve_single(sub: Subproblem) -> tuple[Array, Array]:
             return r, np.array([lam])
         if trial <= 0 and low < 0:
             trial = 0.0
-        elif not low < trial <= high:
+        elif step >= CRAWLS or not low < trial <= high:
             # only an infeasible subproblem has its root above the penalty; else halve the decades, at most 8 at once
             trial = PENALTY if low < PENALTY < high else np.sqrt(max(low, 1e-8 * high) * high)
         lam = trial

@@ -176,3 +176,16 @@ def test_newton_needs_few_evaluations(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(subproblem, "dual", counted)
     steps(problem, MMA(), 20)
     assert calls[0] <= 8 * 20
+
+
+def test_halving_finds_the_root_that_newton_finds(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With no Newton step at all, as where they crawl; the roots are those of monotone functions, to rounding."""
+    rng = np.random.default_rng(5)
+    for _ in range(20):
+        sub = random_subproblem(rng, 60, 1, violation=0.02)
+        by_newton = solve_single(sub)
+        with monkeypatch.context() as patched:
+            patched.setattr(subproblem, "CRAWLS", 0)
+            halved = solve_single(sub)
+        for ours, theirs in zip(halved, by_newton, strict=True):
+            np.testing.assert_allclose(ours, theirs, rtol=1e-9, atol=1e-12)
