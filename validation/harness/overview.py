@@ -1,6 +1,5 @@
 """The front page: the answer in words, the paper's printed results beside ours, and designs side by side."""
 
-import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,7 +15,7 @@ from validation.harness.claims import PRINTED, Claim, Stand, stands
 from validation.harness.contents import Contents
 from validation.harness.show import digits3
 from validation.harness.store import Study, blocks_of
-from validation.harness.style import STYLE
+from validation.harness.style import STYLE, drawn
 
 REACH = 0.4
 """Deviation [1] at which the plot of the printed results ends; what lies further is drawn at its end, with a sign."""
@@ -150,10 +149,7 @@ class Overview:
                 ax.contour(opacity, levels=[0.5], colors="#0072b2", linewidths=0.6) if opacity.min() < 1 else None
                 ax.set_title(f"{design.method}\n{values(design)}", fontsize=9)
             row[0].text(-0.06, 0.5, body, transform=row[0].transAxes, rotation=90, va="center", ha="right", fontsize=10)
-        svg = io.BytesIO()
-        with mpl.rc_context({"svg.hashsalt": "front"}):
-            figure.savefig(svg, format="svg", metadata={"Date": None, "Creator": "mpmtop"})
-        return svg.getvalue()
+        return drawn(figure, "front")
 
 
 def values(design: Pixels) -> str:

@@ -4,7 +4,6 @@ A study is a folder of test modules; each of their test functions is a section w
 recorded goes to the stores of `store`; what depends on the clock or the machine goes to those of `timed`.
 """
 
-import io
 import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
@@ -12,7 +11,6 @@ from dataclasses import dataclass
 from inspect import cleandoc
 from typing import Any, Literal
 
-import matplotlib as mpl
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
@@ -21,6 +19,7 @@ from numpy.typing import NDArray
 
 from validation.harness.blocks import Block, Drawing, Frames, Pixels, Table, Text, picture, raster
 from validation.harness.claims import MEASURED, OWN_WORDS, Claim, Statement, Value, Verdict
+from validation.harness.style import drawn
 
 RESERVED = ("index", "claims", "timings", "benchmark", "provenance")
 """Names of the report's own files."""
@@ -110,11 +109,8 @@ class Recorder:
     def figure(self, name: str, figure: Figure, caption: str, *, folded: bool = False) -> None:
         """Record a matplotlib figure as SVG, the same bytes for the same drawing, and close it."""
         file = self._take(name, "svg")
-        svg = io.BytesIO()
-        with mpl.rc_context({"svg.hashsalt": file}):
-            figure.savefig(svg, format="svg", metadata={"Date": None, "Creator": "mpmtop"})
+        self.files[f"{file}.svg"] = drawn(figure, file)
         plt.close(figure)
-        self.files[f"{file}.svg"] = svg.getvalue()
         self.blocks.append(Drawing(file, caption, folded))
 
     def design(
