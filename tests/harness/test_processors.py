@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests.harness.studies import ROOT, committed
+from validation.harness.style import numbered
 
 STUDIES = ("removal", "errata", "locking")
 KERNELS = ("Haswell", "Nehalem")
