@@ -43,6 +43,7 @@ function wordsAbove(page) {
   return visible(range.cloneContents());
 }
 function look(page, view) {
+  const images = [...page.images];  // those of a slider are hidden behind its canvas
   const root = page.documentElement, shown = [...page.querySelectorAll("main *")].filter(e => e.clientWidth > 1);
   return {
     sideways: root.scrollWidth - root.clientWidth,
@@ -50,8 +51,9 @@ function look(page, view) {
       .map(t => t.getAttribute("aria-label")),
     clipped: shown.filter(e => e.scrollWidth > e.clientWidth + 1 && getComputedStyle(e).overflowX === "hidden")
       .map(e => e.textContent.trim().slice(0, 60)),
-    shrunk: [...page.images].filter(i => i.naturalWidth && i.clientWidth < 0.6 * i.width).map(i => i.alt),
-    broken: [...page.images].filter(i => !i.naturalWidth || i.clientHeight < 20).map(i => i.alt),
+    shrunk: images.filter(i => !i.closest("[hidden]") && i.naturalWidth && i.clientWidth < 0.6 * i.width)
+      .map(i => i.alt),
+    broken: images.filter(i => !i.naturalWidth || (!i.closest("[hidden]") && i.clientHeight < 20)).map(i => i.alt),
     ground: getComputedStyle(page.body).backgroundColor,
     unturned: [...page.querySelectorAll(".card, .gallery img")]
       .filter(e => getComputedStyle(e).filter === "none").length,

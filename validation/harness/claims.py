@@ -201,7 +201,11 @@ class Tally:
         trends = self.paper["trend"]
         if not trends.total():
             return ""
-        parts = [f"{trends['agrees']} hold", f"{trends['by reading']} hold in one reading and not in another"]
-        parts = [parts[0], *parts[1:] * bool(trends["by reading"]), f"{trends['differs']} do not"]
-        parts += [f"{trends['not stated']} are shown without a verdict"] * bool(trends["not stated"])
+        said = {
+            "agrees": "hold",
+            "by reading": "hold in one reading and not in another",
+            "differs": "do not",
+            "not stated": "are shown without a verdict",
+        }
+        parts = [f"{trends[verdict]} {words}" for verdict, words in said.items() if trends[verdict]]
         return f"Of its {trends.total()} comparisons and directions: {', '.join(parts)}."
