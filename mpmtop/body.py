@@ -5,7 +5,7 @@ Lengths, forces and moduli are in any consistent units, so compliance comes in f
 """
 
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -108,8 +108,8 @@ class Spring:
             raise InvalidScene(f"stiffness {self.stiffness} of a spring: give a positive number")
 
 
-def _direction(of: str, value: object) -> tuple[float, float]:
-    x, y = finite_pair(f"direction of {of}", value)  # type: ignore[arg-type]
+def _direction(of: str, value: Any) -> tuple[float, float]:
+    x, y = finite_pair(f"direction of {of}", value)
     length = float(np.hypot(x, y))
     if length == 0:
         raise InvalidScene(f"direction of {of} is zero: give the direction in which it acts")

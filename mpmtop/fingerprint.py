@@ -21,8 +21,8 @@ def words(stated: Any) -> tuple[Any, ...]:
         return tuple(words(each) for each in stated)
     if isinstance(stated, str) or stated is None:
         return (stated,)
-    if np.isscalar(stated):
-        return (float(stated),)  # type: ignore[arg-type]
+    if isinstance(stated, int | float | np.number | np.bool_):
+        return (float(stated),)
     if isinstance(stated, np.ndarray):
         return tuple(np.ravel(stated).tolist())
     return (type(stated).__name__,)

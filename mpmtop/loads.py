@@ -7,7 +7,7 @@ it acts at, its `position`, that place has to lie in the body.
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from numbers import Integral
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -281,10 +281,10 @@ class Weight:
         return at_places()._replace(throughout=(Throughout(self.region, _vectors(self.force), True),))
 
 
-def _per_volume(what: str, force: object, region: Region | None) -> object:
+def _per_volume(what: str, force: Any, region: Region | None) -> object:
     if region is not None:
         check_region(f"the region of a {what}", region)
-    return force if callable(force) else finite_pair(what, force)  # type: ignore[arg-type]
+    return force if callable(force) else finite_pair(what, force)
 
 
 def _vectors(force: tuple[float, float] | Vectors) -> Vectors:

@@ -7,7 +7,7 @@ rectangle does; and, where something is to act on its boundary, by which curves 
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -36,14 +36,14 @@ def divisions(what: str, bounds: tuple[Array, Array], size: tuple[float, float] 
     return count.astype(np.intp)
 
 
-def finite_pair(what: str, value: tuple[float, float]) -> tuple[float, float]:
+def finite_pair(what: str, value: Any) -> tuple[float, float]:
     """The two numbers of `value` as floats; InvalidScene, which names `what`, if it is not two finite numbers."""
     if np.shape(value) != (2,) or not np.all(np.isfinite(value)):
         raise InvalidScene(f"{what} {value}: give two finite numbers")
     return float(value[0]), float(value[1])
 
 
-def finite(what: str, value: float) -> float:
+def finite(what: str, value: Any) -> float:
     """The number as a float; InvalidScene, which names `what`, if it is not one finite number."""
     if np.shape(value) != () or isinstance(value, str) or not np.isfinite(value):
         raise InvalidScene(f"{what} {value!r}: give a finite number")

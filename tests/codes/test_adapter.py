@@ -13,18 +13,18 @@ from validation.__main__ import main
 from validation.codes import cases, kept
 from validation.codes.adapter import Adapter, NoAdapter, load_class
 from validation.codes.answers import Misanswered
-from validation.codes.card import scorecard
+from validation.codes.card import Check, scorecard
 from validation.codes.checks import every
 from validation.codes.named import code
 from validation.methods.points import PointMethod
-from validation.methods.protocol import Answer
+from validation.methods.protocol import Answer, Case
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
 QUICK = ["rigid motion, uniform points", "mean stress, loads on points", "two layers, stretched", "plane stress"]
 
 
-def quick():  # type: ignore[no-untyped-def]
+def quick() -> list[Check]:
     return [check for check in every() if check.way == "analysis" and check.name in QUICK]
 
 
@@ -43,7 +43,9 @@ def test_the_adapter_in_the_docs_connects_a_small_code(tmp_path: Path) -> None:
     np.testing.assert_allclose(theirs.stress, ours.stress, atol=1e-11 * np.abs(ours.stress).max())
 
 
-def test_the_template_is_an_adapter(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys) -> None:  # type: ignore[no-untyped-def]
+def test_the_template_is_an_adapter(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     """As it is written it loads and answers zeros, which fail."""
     monkeypatch.chdir(tmp_path)
     assert main(["adapter", "mine"]) == 0 and "--code mine.py:Code" in capsys.readouterr().out
@@ -55,7 +57,7 @@ def test_the_template_is_an_adapter(tmp_path: Path, monkeypatch: pytest.MonkeyPa
 
 
 class Bare:
-    def analyse(self, case):  # type: ignore[no-untyped-def]
+    def analyse(self, case: Case) -> None:
         return None
 
 
@@ -93,7 +95,7 @@ def test_answers_of_an_adapter() -> None:
     case = cases.cantilever("cantilever")
     zeros = np.zeros((288, 2)), np.zeros((288, 3))
 
-    def answering(answer):  # type: ignore[no-untyped-def]
+    def answering(answer: object) -> Adapter:
         methods = {"capabilities": {"analysis"}, "analyse": lambda self, case: answer}
         return Adapter(type("Theirs", (), methods)())
 

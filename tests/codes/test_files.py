@@ -10,16 +10,18 @@ import meshio
 import numpy as np
 import pytest
 
+from mpmtop.arrays import Array
+from mpmtop.grid import Grid
 from mpmtop.shape_functions import gimp, tent
 from validation.codes import cases
 from validation.codes.adapter import NoAdapter
 from validation.codes.answers import Misanswered, NotStated
-from validation.codes.card import Card, scorecard
+from validation.codes.card import Card, Check, scorecard
 from validation.codes.checks import every
 from validation.codes.command import AnsweredFolder, CommandCode
-from validation.codes.files import folder_of, read_answer, read_functions, write_case, write_cases
+from validation.codes.files import folder_of, functions_name, read_answer, read_functions, write_case, write_cases
 from validation.methods.points import PointMethod
-from validation.methods.protocol import Case
+from validation.methods.protocol import Answer, Case, Shape
 
 HERE = Path(__file__).parent
 SOME = [
@@ -37,7 +39,7 @@ SOME = [
 ]
 
 
-def some(names: list[str] = SOME):  # type: ignore[no-untyped-def]
+def some(names: list[str] = SOME) -> list[Check]:
     return [check for check in every() if check.way == "analysis" and check.name in names]
 
 
@@ -254,16 +256,14 @@ def test_all_cases_are_written(tmp_path: Path) -> None:
         inner = PointMethod("GIMP", gimp)
         capabilities = inner.capabilities - {"load steps"}
 
-        def analyse(self, case):  # type: ignore[no-untyped-def]
+        def analyse(self, case: Case) -> Answer:
             assert folder_of(case.name) in there
             return self.inner.analyse(case)
 
-        def gradient(self, case):  # type: ignore[no-untyped-def]
+        def gradient(self, case: Case) -> Array:
             return self.inner.gradient(case)
 
-        def shape(self, x, half_length, grid):  # type: ignore[no-untyped-def]
-            from validation.codes.files import functions_name
-
+        def shape(self, x: Array, half_length: Array, grid: Grid) -> Shape:
             assert folder_of(functions_name(x, half_length, grid)) in there
             return self.inner.shape(x, half_length, grid)
 

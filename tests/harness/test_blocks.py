@@ -64,7 +64,7 @@ def test_directions_are_counted_by_sentence() -> None:
     report.check("another", 3.0, at_least=2.0, source=slower)
     report.check("only", 1.0, at_least=2.0, source=harder)
     found = Tally.of([Reading(claim, "study", "test") for claim in report.claims]).directions()
-    assert found == "Of its 2 comparisons and directions: 0 hold, 1 hold in one reading and not in another, 1 do not."
+    assert found == "Of its 2 comparisons and directions: 1 hold in one reading and not in another, 1 do not."
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,7 @@ import numpy as np
 
 from mpmtop.arrays import Array
 from mpmtop.errors import NotConverged
-from validation.methods.protocol import Answer, Capability, Case
+from validation.methods.protocol import Answer, Capability, Case, Method
 
 
 class Motion(NamedTuple):
@@ -28,17 +28,8 @@ class Motion(NamedTuple):
     stored: float
 
 
-class Explicit(Protocol):
+class Explicit(Method, Protocol):
     """A code that steps in time."""
-
-    @property
-    def name(self) -> str: ...
-
-    @property
-    def version(self) -> str: ...
-
-    @property
-    def capabilities(self) -> frozenset[Capability]: ...
 
     def begin(self, case: Case) -> Any:
         """A state at rest, unloaded."""
