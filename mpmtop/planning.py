@@ -28,6 +28,7 @@ def plan(problem: DesignProblem) -> str:
         f"stencil ({model.shape_function.__name__}): {np.mean(touched):.2f} nodes for a point on average; "
         f"{np.count_nonzero(touched <= 4)} of {p} points need no more than the 4 of their own cell",
         f"loads: {_load_plan(model)}",
+        *_support_plan(model),
         f"dilatation: {'of each point' if model.transfer.b_bar is None else 'averaged over each cell (B-bar)'}",
         f"ghost faces: {_ghost_plan(model)}",
         f"stiffness: {len(model.stiffness.row)} entries of the lower triangle, {_stiffness_plan(model)}",
@@ -42,6 +43,22 @@ def plan(problem: DesignProblem) -> str:
         *(f"warning, {type(finding).__name__}: {finding}" for finding in model.findings),
     ]
     return "\n".join(lines)
+
+
+def _support_plan(model: Model) -> list[str]:
+    """What only some bodies have beside nodes that are held where they are."""
+    body = model.body
+    moved = sum(any(support.displacement) for support in body.held)
+    parts = [
+        f"{count} {what}"
+        for count, what in (
+            (moved, "of prescribed displacement: their forces on the body are part of the load"),
+            (len(body.edges), "along the outline, weakly (Nitsche)"),
+            (len(body.springs), "springs"),
+        )
+        if count
+    ]
+    return [f"supports: {'; '.join(parts)}"] if parts else []
 
 
 def _adjoint_plan(solves: int) -> str:

@@ -8,7 +8,7 @@ import numpy as np
 from mpmtop.arrays import Array
 from mpmtop.design import Design, physical_densities
 from mpmtop.errors import LoadOutsideBody
-from mpmtop.fingerprint import words
+from mpmtop.fingerprint import digits, words
 from mpmtop.large_deformation.model import Model
 from mpmtop.large_deformation.objectives import EndCompliance, PathObjective, gradient
 from mpmtop.large_deformation.steps import Trajectory, trajectory
@@ -62,17 +62,20 @@ class LoadStepProblem(DesignVariables):
 
     @property
     def fingerprint(self) -> str:
-        """Hash of all numbers that an iterate depends on: a checkpoint fits a problem of the same ones only."""
-        model, design = self.model, self.design
-        how = (model.shape_function.__name__, model.frame, model.domains, model.law, model.steps, model.grid)
+        """Hash of all numbers that an iterate depends on: a checkpoint fits a problem of the same ones only.
+
+        None of them comes of a BLAS or a Fourier transform, and none has its last bits, see `digits`.
+        """
+        model, design, space = self.model, self.design, self.space
+        how = (model.frame, model.domains, model.law, model.steps, model.grid)
         law = (model.young, model.alpha, design.penal, design.contrast, design.volume_fraction, design.rho_min)
-        digest = hashlib.sha256(repr((self.objective, how, words(design.projection), *map(float, law))).encode())
+        asked = (self.objective, *how, design.projection, design.symmetry, *map(float, law), design.filter_radius)
+        digest = hashlib.sha256(repr((model.shape_function.__name__, *map(words, asked))).encode())
         points = model.points
-        arrays = (points.x, points.volume, points.half_length, model.force, model.unknown, model.sign)
-        # what the filter makes of a vector of random numbers tells it, matrix or not; and its passive points
-        probe = self.filter(np.random.default_rng(0).random(len(self.lower)))
-        for array in (*arrays, probe, self.space.solid, self.space.void):
-            digest.update(np.ascontiguousarray(array).tobytes())
+        for whole in (model.unknown, space.solid, space.void):
+            digest.update(np.ascontiguousarray(whole, np.int64).tobytes())
+        for computed in (points.x, points.volume, points.half_length, model.force, model.sign):
+            digest.update(digits(computed).astype(np.int64).tobytes())
         return digest.hexdigest()
 
     def analyse(self, rho: Array) -> Evaluation:

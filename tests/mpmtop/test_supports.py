@@ -17,6 +17,7 @@ from mpmtop.grid import Grid
 from mpmtop.loads import PointLoad, PositionLoad, Traction
 from mpmtop.material import simp
 from mpmtop.model import Model, discretise
+from mpmtop.planning import plan
 from mpmtop.points import MaterialPoints, seed
 from mpmtop.problem import DesignProblem
 from mpmtop.region import Circle, HalfPlane, Polygon, Rectangle
@@ -34,6 +35,7 @@ LEFT, RIGHT, BOTTOM = (
 )
 BOX = Rectangle((0, 0), (8, 4))
 E, NU, DELTA = 100.0, 0.3, 0.01
+DESIGN = Design(0.5, 1.5)
 
 
 @EVERY
@@ -195,7 +197,7 @@ def test_what_was_made_for_other_ties_is_refused() -> None:
 def test_all_of_them_are_in_the_fingerprint() -> None:
     def fingerprint(*supports: Support | EdgeSupport | Spring) -> str:
         body = Body(BOX, supports, (PointLoad((8, 2), (0, -1)),))
-        return DesignProblem(discretise(body, 1.0), Design(0.5, 1.5)).fingerprint
+        return DesignProblem(discretise(body, 1.0), DESIGN).fingerprint
 
     held = Rectangle((0, 0), (0, 4))
     several = [
@@ -248,3 +250,18 @@ def test_what_a_model_cannot_hold_is_named() -> None:
     model = discretise(Body(BOX, (sliding,), (load,)), 1.0)
     with pytest.raises(UnsupportedBody, match="move without resistance"):
         equilibrium(model, np.ones(len(model.points.x)))
+
+
+def test_the_plan_names_supports_that_are_no_held_nodes() -> None:
+    supports = (
+        Support(LEFT),
+        Support(BOTTOM, (False, True), (0.0, DELTA)),
+        Spring((8, 4), 1.0, (0, 1)),
+        EdgeSupport(Rectangle((8, 0), (8, 2)), (1.0, 0.0)),
+    )
+    body = Body(BOX, supports, (Traction(Rectangle((8, 2), (8, 4)), (1.0, 0.0)),), Material(E, NU))
+    (line,) = [line for line in plan(DesignProblem(discretise(body, 1.0), DESIGN)).splitlines() if "supports" in line]
+    assert line.startswith("supports: 1 of prescribed displacement") and "1 along the outline" in line
+    assert line.endswith("1 springs")
+    bare = discretise(Body(BOX, supports[:1], body.loads, Material(E, NU)), 1.0)
+    assert "supports" not in plan(DesignProblem(bare, DESIGN))

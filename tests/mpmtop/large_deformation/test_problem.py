@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mpmtop.design import Design
+from mpmtop.design import Design, Mirror, Projection
 from mpmtop.errors import InvalidScene, LoadOutsideBody
 from mpmtop.grid import Grid
 from mpmtop.large_deformation.law import NeoHookean
@@ -23,6 +23,9 @@ OBJECTIVES: tuple[PathObjective, ...] = (EndCompliance(), PathCompliance(), EndS
 
 
 DESIGN = Design(volume_fraction=0.5, filter_radius=3.0, passive_solid=Rectangle((18, 2), (20, 8)))
+
+
+MIDDLE = Mirror((0.0, 5.0), (0.0, 1.0))
 
 
 def problem(objective: PathObjective | None = None, **how: object) -> LoadStepProblem:
@@ -42,6 +45,20 @@ def test_taylor_remainder_is_of_second_order(objective: PathObjective) -> None:
     assert np.all(taylor_orders(lambda x: of.evaluate(x).objective, x, d, dJ @ d, (1e-3, 5e-4, 2.5e-4)) > 1.9)
     there = of.evaluate(x + 1e-3 * d)
     assert there.constraints[0] - at.constraints[0] == pytest.approx(1e-3 * dg[0] @ d, rel=1e-9)
+
+
+def test_projection_and_symmetry_have_their_part_in_the_gradient() -> None:
+    design = replace(DESIGN, projection=Projection(3.0, preserve_volume=True), symmetry=(MIDDLE,))
+    of = LoadStepProblem(problem().model, design)
+    rng = np.random.default_rng(1)
+    x, d = rng.uniform(0.4, 0.8, len(of.x0)), rng.standard_normal(len(of.x0))
+    at = of.evaluate(x)
+    dJ, _ = of.gradient(at)
+    assert 2 * len(x) == len(of.space.active)
+    assert np.all(taylor_orders(lambda x: of.evaluate(x).objective, x, d, dJ @ d, (1e-3, 5e-4, 2.5e-4)) > 1.9)
+    points = of.grid_points.x
+    image = np.hypot(*(points[:, None] - MIDDLE.image(points)).transpose(2, 0, 1)).argmin(axis=1)
+    np.testing.assert_allclose(at.rho, at.rho[image], rtol=0, atol=1e-14)
 
 
 def test_optimisation_lowers_the_objective_and_resumes_bit_for_bit(tmp_path: Path) -> None:
@@ -70,6 +87,9 @@ def test_fingerprint_tells_problems_apart() -> None:
         LoadStepProblem(replace(model, force=2 * model.force), DESIGN),
         LoadStepProblem(model, replace(DESIGN, filter_radius=2.0)),
         LoadStepProblem(model, replace(DESIGN, penal=2.0)),
+        LoadStepProblem(model, replace(DESIGN, projection=Projection(2.0))),
+        LoadStepProblem(model, replace(DESIGN, symmetry=(MIDDLE,))),
+        LoadStepProblem(model, replace(DESIGN, passive_solid=None)),
     ]
     assert len({p.fingerprint for p in others}) == len(others)
     assert problem().fingerprint == problem().fingerprint
