@@ -134,8 +134,11 @@ class LargeDesignProblem:
             raise InvalidScene("the large deformation model has other elements: make it of the linear problem's")
         if self.linear.filtered != "density":
             raise InvalidScene("the sensitivity filter in large deformation: use filtered='density'")
-        if self.linear.design.projection is not None or self.linear.constraints or self.linear.cases:
-            raise InvalidScene("large deformation knows no projection, further constraints or load cases: drop them")
+        design = self.linear.design
+        if design.projection is not None or design.symmetry or self.linear.constraints or self.linear.cases:
+            raise InvalidScene(
+                "elements in large deformation have no projection, symmetry, constraints or load cases: drop them"
+            )
 
     @property
     def x0(self) -> Array:

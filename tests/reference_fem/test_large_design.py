@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mpmtop.design import Design
+from mpmtop.design import Design, Mirror, Projection
 from mpmtop.errors import InvalidScene
 from mpmtop.large_deformation.law import Hencky, Law, NeoHookean
 from mpmtop.large_deformation.law import von_mises as von_mises_of_points
@@ -94,10 +94,14 @@ def test_optimisation_lowers_the_objective() -> None:
     assert found[-1].constraints[0] <= 1e-9
 
 
-def test_other_elements_and_the_sensitivity_filter_are_refused() -> None:
+def test_what_elements_do_not_have_is_refused() -> None:
     of = problem(OBJECTIVES[0])
     with pytest.raises(InvalidScene, match="other elements"):
         LargeDesignProblem(of.linear, large_model(discretise(cantilever(), 2.0), LAWS[0][1]), LEVELS, OBJECTIVES[0])
     averaged = DesignProblem(of.model.fem, Design(0.5, 3.0), filtered="sensitivity")
     with pytest.raises(InvalidScene, match="filtered='density'"):
         LargeDesignProblem(averaged, of.model, LEVELS, OBJECTIVES[0])
+    for asked in ({"projection": Projection(2.0)}, {"symmetry": (Mirror((0.0, 5.0), (0.0, 1.0)),)}):
+        other = DesignProblem(of.model.fem, replace(Design(0.5, 3.0), **asked))
+        with pytest.raises(InvalidScene, match="no projection, symmetry"):
+            LargeDesignProblem(other, of.model, LEVELS, OBJECTIVES[0])
