@@ -14,7 +14,19 @@ import mpmtop
 ROOT = Path(__file__).parent.parent
 ORDER = [
     *("arrays", "errors", "curves", "region", "outline", "loads", "body", "design", "criteria", "scene"),
-    *("grid", "points", "quadtree", "shape_functions", "voigt", "transfer", "b_bar", "ghost", "ties", "material"),
+    *(
+        "grid",
+        "points",
+        "crossing",
+        "quadtree",
+        "shape_functions",
+        "voigt",
+        "transfer",
+        "b_bar",
+        "ghost",
+        "ties",
+        "material",
+    ),
     *("gaps", "diagnose"),
     *("stiffness", "solvers.pattern", "solvers.checked", "solvers.banded", "solvers.superlu", "solvers.dissection"),
     *("solvers.sparse_cholesky", "solvers.stencil", "solvers.multigrid", "solvers.multigrid_cg", "solvers"),

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from mpmtop.body import Body, Support
+from mpmtop.crossing import Uniform
 from mpmtop.grid import Grid
 from mpmtop.loads import PointLoad
 from mpmtop.model import discretise
@@ -11,7 +12,6 @@ from mpmtop.points import seed
 from mpmtop.region import Rectangle
 from mpmtop.shape_functions import ShapeFunction, bspline2, bspline3, gimp, tent
 from mpmtop.transfer import body_ends, transfer
-from validation.bodies.crossing import Uniform
 from validation.bodies.manufactured import (
     CURVATURE,
     MATERIAL,

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from validation.bodies.crossing import Bump, Periodic, Uniform
+from mpmtop.crossing import Bump, Periodic, Uniform
 from validation.bodies.sliced_beam import LENGTH, beam_rises, energy_shares, material
 
 

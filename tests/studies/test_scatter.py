@@ -5,8 +5,8 @@ from typing import Any
 import pytest
 from joblib import Parallel, delayed, parallel_config
 
+from mpmtop.crossing import Crossing, Jitter, Uniform
 from mpmtop.points import seed
-from validation.bodies.crossing import Crossing, Jitter, Uniform
 from validation.bodies.scenes import SPACING, cantilever
 from validation.studies.shape_functions.scatter import Scattered, fem_gradients, scattered
 

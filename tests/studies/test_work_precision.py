@@ -7,6 +7,7 @@ import scipy.sparse as sp
 from numpy.polynomial.legendre import leggauss
 
 from mpmtop.body import Material
+from mpmtop.crossing import Periodic, Uniform
 from mpmtop.model import Model
 from mpmtop.shape_functions import ShapeFunction, bspline2, bspline3, gimp, tent
 from validation.bodies import manufactured
@@ -21,7 +22,7 @@ from validation.bodies.beam import (
     beam_tractions,
 )
 from validation.bodies.cook import cook_elements
-from validation.bodies.crossing import Periodic, Uniform, points_model
+from validation.bodies.crossing import points_model
 from validation.measures.derivatives import central_difference
 from validation.measures.orders import observed_order
 from validation.measures.outcome import Measure, Outcome, stored_bytes

@@ -6,12 +6,13 @@ import numpy as np
 
 from mpmtop.arrays import Array
 from mpmtop.body import Body, Material, Support
+from mpmtop.crossing import Crossing
 from mpmtop.equilibrium import equilibrium
 from mpmtop.loads import PositionLoad
 from mpmtop.region import Rectangle
 from mpmtop.shape_functions import ShapeFunction
 from reference_fem import elasticity
-from validation.bodies.crossing import Crossing, points_model
+from validation.bodies.crossing import points_model
 from validation.measures.outcome import Measure, Outcome, of_elements, of_points
 from validation.measures.probe import displacement_at
 

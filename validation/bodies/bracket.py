@@ -7,6 +7,7 @@ from skfem import CellBasis, LinearForm, MeshQuad
 
 from mpmtop.arrays import Array
 from mpmtop.body import Body, Material, Support
+from mpmtop.crossing import Crossing
 from mpmtop.equilibrium import equilibrium
 from mpmtop.loads import RegionLoad
 from mpmtop.material import tangent
@@ -16,7 +17,7 @@ from reference_fem import elasticity
 from reference_fem.boundary import locate_in_lattice, locate_in_mesh
 from reference_fem.elasticity import FemModel, fem_model, minimum_degree_elimination
 from reference_fem.mesh import GEOMETRY_TOLERANCE, domain_lattice, vector_basis
-from validation.bodies.crossing import Crossing, points_model
+from validation.bodies.crossing import points_model
 from validation.measures.outcome import Measure, Outcome, of_elements, of_points
 from validation.measures.probe import strain_at
 

@@ -7,6 +7,7 @@ from skfem import MeshQuad
 
 from mpmtop.arrays import Array
 from mpmtop.body import Body, Material, Support
+from mpmtop.crossing import Crossing
 from mpmtop.equilibrium import equilibrium
 from mpmtop.loads import RegionLoad
 from mpmtop.region import Polygon, Rectangle
@@ -15,7 +16,7 @@ from reference_fem import elasticity
 from reference_fem.boundary import locate_in_mesh, nodal_forces
 from reference_fem.elasticity import FemModel, fem_model, minimum_degree_elimination
 from reference_fem.mesh import vector_basis
-from validation.bodies.crossing import Crossing, points_model
+from validation.bodies.crossing import points_model
 from validation.measures.outcome import Measure, Outcome, of_elements, of_points
 from validation.measures.probe import displacement_at
 

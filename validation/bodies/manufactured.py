@@ -16,6 +16,7 @@ from skfem.helpers import dot
 
 from mpmtop.arrays import Array, Index
 from mpmtop.body import Body, Material, Support
+from mpmtop.crossing import Crossing
 from mpmtop.grid import Grid
 from mpmtop.material import tangent
 from mpmtop.points import MaterialPoints, seed
@@ -25,7 +26,6 @@ from mpmtop.solvers import Pattern, choose_solver
 from mpmtop.transfer import Transfer, body_ends, transfer
 from reference_fem.elasticity import FemModel, fem_model, inverse_stiffness
 from reference_fem.mesh import lattice, vector_basis
-from validation.bodies.crossing import Crossing
 from validation.bodies.scenes import H
 
 MATERIAL = Material(young=1.0, poisson=0.3, plane="strain")
@@ -91,9 +91,10 @@ class DeformedWave:
     period: float
     amplitude: float = 0.26
 
-    def __call__(self, points: MaterialPoints, body: Region) -> MaterialPoints:
+    def __call__(self, points: MaterialPoints, body: Region, h: float = H, x0: float = 0.0) -> MaterialPoints:
         x, half = points.x[:, 0], points.half_length[:, 0]
-        left, right = (e + self.amplitude * H * np.sin(2 * np.pi * e / (self.period * H)) for e in (x - half, x + half))
+        sides = (x - half, x + half)
+        left, right = (e + self.amplitude * h * np.sin(2 * np.pi * (e - x0) / (self.period * h)) for e in sides)
         stretch = (right - left) / (2 * half)
         return replace(
             points,

@@ -5,9 +5,9 @@ from collections.abc import Sequence
 import matplotlib.pyplot as plt
 import numpy as np
 
+from mpmtop.crossing import Crossing, Wave, moved
 from mpmtop.points import seed
 from mpmtop.region import Rectangle
-from validation.bodies.crossing import Crossing, Wave, moved
 from validation.bodies.manufactured import DeformedWave
 from validation.bodies.scenes import SPACING, H
 from validation.harness.report import Recorder

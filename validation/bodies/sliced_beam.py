@@ -3,8 +3,8 @@
 import numpy as np
 
 from mpmtop.arrays import Array
+from mpmtop.crossing import Crossing
 from mpmtop.points import seed
-from validation.bodies.crossing import Crossing
 from validation.bodies.scenes import SPACING, H, cantilever
 
 LENGTH, HEIGHT = 40, 20

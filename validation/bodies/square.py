@@ -3,9 +3,9 @@
 import numpy as np
 import scipy.sparse as sp
 
+from mpmtop.crossing import Crossing
 from mpmtop.shape_functions import ShapeFunction
 from validation.bodies import manufactured
-from validation.bodies.crossing import Crossing
 from validation.measures.outcome import Measure, Outcome, of_elements, stored_bytes
 
 

@@ -7,12 +7,12 @@ import numpy as np
 
 from mpmtop.arrays import Array
 from mpmtop.body import Material
+from mpmtop.crossing import Bump, Crossing, Jitter, Periodic, Uniform, Wave
 from mpmtop.material import tangent
 from mpmtop.points import MaterialPoints
 from reference_fem import elasticity
 from reference_fem.boundary import locate_in_lattice, nodal_forces
 from validation.bodies import beam as timoshenko
-from validation.bodies.crossing import Bump, Crossing, Jitter, Periodic, Uniform, Wave
 from validation.codes import cases
 from validation.codes.answers import NotStated, asked, fine_work, off, order, ratio_norm, stress_of, work
 from validation.codes.card import Observed

@@ -12,12 +12,12 @@ import numpy as np
 
 from mpmtop.arrays import Array, Index, Mask
 from mpmtop.body import Body, Material, Support
+from mpmtop.crossing import Crossing
 from mpmtop.grid import Grid
 from mpmtop.loads import Load, PositionLoad
 from mpmtop.points import MaterialPoints, seed, to_gauss_points
 from mpmtop.region import HalfPlane, Rectangle, Region
 from validation.bodies import beam as timoshenko
-from validation.bodies.crossing import Crossing
 from validation.methods.protocol import Case
 
 HOME = 2.0

@@ -11,6 +11,7 @@ from scipy.spatial import KDTree
 from mpmtop import problem
 from mpmtop.arrays import Array, Index
 from mpmtop.criteria import PNormStress, StressMeasure
+from mpmtop.crossing import Crossing
 from mpmtop.material import von_mises
 from mpmtop.model import discretise
 from mpmtop.optimizers import GCMMA, Iterate, Problem, UpdateRule, optimize
@@ -18,7 +19,6 @@ from mpmtop.points import MaterialPoints, seed
 from mpmtop.scene import Scene
 from mpmtop.shape_functions import ShapeFunction, bspline2, bspline3, gimp, tent
 from reference_fem import elasticity, simp
-from validation.bodies.crossing import Crossing
 from validation.bodies.scenes import SPACING, H
 
 SHAPE_FUNCTIONS: dict[str, ShapeFunction] = {

@@ -6,8 +6,8 @@ import numpy as np
 from joblib import Parallel, delayed
 
 from mpmtop.criteria import PNormStress, StressMeasure
+from mpmtop.crossing import Crossing, Periodic
 from mpmtop.optimizers import GCMMA, SingleStepGCMMA, UpdateRule
-from validation.bodies.crossing import Crossing, Periodic
 from validation.bodies.scenes import CORNER, SPACING, l_bracket
 from validation.methods.analyser import (
     JOBS,

@@ -5,8 +5,8 @@ from typing import NamedTuple
 import numpy as np
 from joblib import Parallel, delayed
 
+from mpmtop.crossing import Crossing
 from mpmtop.optimizers import GCMMA, MMA, SingleStepGCMMA, UpdateRule, optimize
-from validation.bodies.crossing import Crossing
 from validation.bodies.scenes import SPACING, TipLoad, cantilever
 from validation.bodies.starts import cosines
 from validation.methods.analyser import JOBS, MOVE, SHAPE_FUNCTIONS, Analyser, Optimisation, material_points

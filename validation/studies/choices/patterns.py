@@ -8,8 +8,8 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
+from mpmtop.crossing import FAMILIES, Crossing
 from validation import paper
-from validation.bodies.crossing import FAMILIES, Crossing
 from validation.harness.report import Report
 from validation.studies.choices import cantilever
 from validation.studies.choices.cantilever import Base

@@ -9,11 +9,11 @@ from joblib import Parallel, delayed
 
 from mpmtop.arrays import Array
 from mpmtop.criteria import PNormStress
+from mpmtop.crossing import Periodic
 from mpmtop.optimizers import GCMMA, SingleStepGCMMA, UpdateRule, optimize
 from mpmtop.scene import Scene
 from mpmtop.shape_functions import bspline2, gimp, tent
 from reference_fem.reanalyse import Judge, build_judge, judge_stress
-from validation.bodies.crossing import Periodic
 from validation.bodies.scenes import SPACING, l_bracket, perforated
 from validation.bodies.scenes import cantilever as cantilever_scene
 from validation.bodies.starts import cosines

@@ -4,8 +4,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from mpmtop.crossing import FAMILIES
 from validation import paper
-from validation.bodies.crossing import FAMILIES
 from validation.bodies.sliced_beam import beam_rises
 from validation.harness.lock import Lock
 from validation.harness.report import Report

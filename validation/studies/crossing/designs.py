@@ -3,7 +3,7 @@
 import numpy as np
 
 from mpmtop.arrays import Array
-from validation.bodies.crossing import Periodic
+from mpmtop.crossing import Periodic
 from validation.bodies.scenes import SPACING, cantilever
 from validation.harness.report import Report
 from validation.methods.analyser import METHODS, SHAPE_FUNCTIONS, Optimisation, material_points

@@ -10,13 +10,13 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from mpmtop.body import Material
+from mpmtop.crossing import Crossing, Periodic, Uniform
 from mpmtop.equilibrium import equilibrium
 from mpmtop.model import discretise
 from mpmtop.points import seed
 from mpmtop.shape_functions import ShapeFunction
 from reference_fem import elasticity
 from validation.bodies.beam import beam, beam_body, beam_places, tip_error
-from validation.bodies.crossing import Crossing, Periodic, Uniform
 from validation.measures.probe import displacement_at
 from validation.methods.analyser import SHAPE_FUNCTIONS
 

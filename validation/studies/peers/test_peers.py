@@ -14,12 +14,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from mpmtop.crossing import Crossing, Jitter, Periodic, Uniform
 from mpmtop.equilibrium import equilibrium
 from mpmtop.grid import Grid
 from mpmtop.model import Model, discretise
 from mpmtop.points import seed
 from reference_fem.reanalyse import build_judge
-from validation.bodies.crossing import Crossing, Jitter, Periodic, Uniform
 from validation.bodies.scenes import SPACING, H, cantilever
 from validation.bodies.sketch import CHOSEN, opening
 from validation.harness.progress import ShowProgress

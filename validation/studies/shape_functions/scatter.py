@@ -6,11 +6,11 @@ import numpy as np
 
 from mpmtop.arrays import Array
 from mpmtop.criteria import Compliance, PNormStress
+from mpmtop.crossing import Crossing
 from mpmtop.model import discretise
 from mpmtop.points import MaterialPoints, seed
 from mpmtop.problem import DesignProblem
 from reference_fem import simp
-from validation.bodies.crossing import Crossing
 from validation.bodies.scenes import SPACING, H, cantilever
 from validation.methods.analyser import SHAPE_FUNCTIONS, DensityField
 

@@ -8,13 +8,13 @@ import pytest
 from scipy.interpolate import RegularGridInterpolator
 
 from mpmtop.arrays import Array
+from mpmtop.crossing import Periodic
 from mpmtop.equilibrium import equilibrium
 from mpmtop.model import Model, discretise
 from mpmtop.objectives import compliance
 from mpmtop.points import MaterialPoints
 from mpmtop.shape_functions import Ends, Stencil, gimp
 from reference_fem.reanalyse import build_judge
-from validation.bodies.crossing import Periodic
 from validation.bodies.scenes import H, cantilever
 from validation.bodies.solid_cantilever import reference_stress, tensor_norm
 from validation.harness.lock import Lock

@@ -5,9 +5,9 @@ import pandas as pd
 import pytest
 from joblib import Parallel, delayed
 
+from mpmtop.crossing import Crossing, Jitter, Uniform
 from mpmtop.points import MaterialPoints
 from validation import paper
-from validation.bodies.crossing import Crossing, Jitter, Uniform
 from validation.harness.lock import Lock
 from validation.harness.progress import ShowProgress
 from validation.harness.report import Report

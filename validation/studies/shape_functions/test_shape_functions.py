@@ -14,8 +14,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from mpmtop.crossing import Crossing, Jitter, Periodic, Uniform, Wave
 from validation.bodies import manufactured
-from validation.bodies.crossing import Crossing, Jitter, Periodic, Uniform, Wave
 from validation.bodies.manufactured import CURVATURE, DeformedWave
 from validation.bodies.patterns import define
 from validation.harness.lock import Lock

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from mpmtop.arrays import Array
+from mpmtop.crossing import Crossing
 from mpmtop.equilibrium import equilibrium
 from mpmtop.loads import RegionLoad
 from mpmtop.material import simp
@@ -16,7 +17,7 @@ from mpmtop.scene import Scene
 from mpmtop.shape_functions import ShapeFunction
 from reference_fem.reanalyse import Judgement, build_judge
 from reference_fem.simp import design_problem
-from validation.bodies.crossing import Crossing, points_model
+from validation.bodies.crossing import points_model
 from validation.bodies.scenes import cantilever, changed
 from validation.measures.outcome import Measure, of_elements, of_points
 from validation.methods.analyser import PAPER_RULE, DensityField

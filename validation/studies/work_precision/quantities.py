@@ -3,10 +3,10 @@
 from collections.abc import Mapping
 from dataclasses import replace
 
+from mpmtop.crossing import Periodic
 from validation.bodies.beam import beam_elements, beam_points
 from validation.bodies.bracket import bracket_elements, bracket_points
 from validation.bodies.cook import cook_elements, cook_points
-from validation.bodies.crossing import Periodic
 from validation.bodies.manufactured import DeformedWave
 from validation.bodies.square import square_elements, square_points
 from validation.studies.work_precision.field import field_elements, field_points

@@ -3,8 +3,8 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
+from mpmtop.crossing import Crossing
 from mpmtop.shape_functions import ShapeFunction
-from validation.bodies.crossing import Crossing
 from validation.measures.outcome import Measure
 
 MpmAnalysis = Callable[[int, ShapeFunction, int, Crossing], Measure]

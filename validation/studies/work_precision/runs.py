@@ -5,9 +5,9 @@ from functools import partial
 import numpy as np
 import pandas as pd
 
+from mpmtop.crossing import Crossing, Uniform
 from mpmtop.errors import NotConverged, UnsupportedBody
 from mpmtop.solvers import SingularMatrix
-from validation.bodies.crossing import Crossing, Uniform
 from validation.harness.progress import ShowProgress
 from validation.measures.outcome import Outcome
 from validation.measures.timing import measured

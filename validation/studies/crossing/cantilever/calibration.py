@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from validation.bodies.crossing import Crossing
+from mpmtop.crossing import Crossing
 from validation.bodies.scenes import cantilever
 from validation.methods.analyser import SHAPE_FUNCTIONS, material_points
 

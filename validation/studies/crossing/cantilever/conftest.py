@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from mpmtop.crossing import FAMILIES
 from reference_fem.reanalyse import Judge, build_judge
 from validation import paper
-from validation.bodies.crossing import FAMILIES
 from validation.bodies.scenes import cantilever
 from validation.harness.progress import ShowProgress
 from validation.methods.analyser import METHODS, SHAPE_FUNCTIONS, Analyser, Optimisation, material_points

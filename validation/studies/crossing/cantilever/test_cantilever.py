@@ -18,11 +18,11 @@ import pandas as pd
 import pytest
 
 from mpmtop.arrays import Array
+from mpmtop.crossing import Crossing
 from mpmtop.points import seed
 from reference_fem import elasticity
 from reference_fem.reanalyse import Judge
 from validation import paper
-from validation.bodies.crossing import Crossing
 from validation.bodies.patterns import define
 from validation.bodies.scenes import SPACING, H, cantilever
 from validation.bodies.sketch import CALIBRATED, CHOSEN, opening

@@ -6,9 +6,9 @@ import pandas as pd
 import pytest
 
 from mpmtop.arrays import Mask
+from mpmtop.crossing import Crossing
 from mpmtop.points import seed
 from validation import paper
-from validation.bodies.crossing import Crossing
 from validation.bodies.scenes import SPACING, H, cantilever
 from validation.harness.lock import Lock
 from validation.harness.report import Report

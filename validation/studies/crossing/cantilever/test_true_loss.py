@@ -4,9 +4,9 @@ import pandas as pd
 import pytest
 
 from mpmtop.arrays import Array
+from mpmtop.crossing import Crossing, moved
 from reference_fem.reanalyse import Judge
 from validation import paper
-from validation.bodies.crossing import Crossing, moved
 from validation.bodies.scenes import cantilever
 from validation.bodies.sliced_beam import beam_rises
 from validation.harness.lock import Lock

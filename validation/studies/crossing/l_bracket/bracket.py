@@ -3,9 +3,9 @@
 import numpy as np
 
 from mpmtop.arrays import Array
+from mpmtop.crossing import Crossing, Periodic
 from mpmtop.optimizers import GCMMA
 from mpmtop.points import seed
-from validation.bodies.crossing import Crossing, Periodic
 from validation.bodies.scenes import SPACING, l_bracket
 from validation.methods.analyser import MOVE, SHAPE_FUNCTIONS, Analyser, Optimisation, material_points
 
