@@ -18,9 +18,10 @@ from mpmtop.criteria import Compliance, PNormStress
 from mpmtop.filter import DensityFilter
 from mpmtop.optimizers import GCMMA, initial_state
 from mpmtop.problem import DesignProblem, Evaluation, Term, design_problem
+from mpmtop.scene import Scene
 from mpmtop.solvers import MultigridCG, Pattern, Solve, Solver, SparseCholesky, choose_solver
 from mpmtop.solvers.multigrid_cg import IteratedSolve
-from validation.bodies.scenes import SPACING, H, cantilever
+from validation.bodies.scenes import SPACING, H, cantilever, l_bracket
 from validation.measures.timing import cpu_seconds, in_own_process
 from validation.methods.analyser import MOVE
 
@@ -28,6 +29,8 @@ ChosenBy = Callable[[Pattern], Solver]
 
 OBJECTIVES = {"compliance": Compliance(), "p-norm": PNormStress(12, 0.5)}
 MOVES = {"compliance": MOVE, "p-norm": 0.05}
+BODIES: dict[str, tuple[Callable[..., Scene], int]] = {"cantilever": (cantilever, 80), "L-bracket": (l_bracket, 100)}
+"""Scenes, and the points along their longest side with which the paper has them."""
 PHASES = ("moduli to K", "factorisation", "solve", "residual, objective", "gradient", "filter", "update")
 """Of an iteration. A factorisation sets up the hierarchy where multigrid solves; the gradient is that by densities,
 without the adjoint's solve, which counts as one; the update is the MMA subproblem."""
@@ -169,11 +172,11 @@ class Measurement(NamedTuple):
         return np.array([sum(spent.values()) for spent in self.iterations])
 
 
-def problem_of(nx: int, objective: str, solver: ChosenBy = choose_solver) -> DesignProblem:
-    """The cantilever with nx x nx / 2 points, 2 x 2 in a cell; the filter's radius is three spacings."""
-    spacing = SPACING * 80 / nx
-    scene = cantilever(radius=3 * spacing, objective=OBJECTIVES[objective])
-    return design_problem(scene, 2 * spacing * H, 2, solver=solver)
+def problem_of(nx: int, objective: str, solver: ChosenBy = choose_solver, *, body: str = "cantilever") -> DesignProblem:
+    """A body with nx points along its longest side, 2 x 2 in a cell; the filter's radius is three spacings."""
+    scene, of_paper = BODIES[body]
+    spacing = SPACING * of_paper / nx
+    return design_problem(scene(radius=3 * spacing, objective=OBJECTIVES[objective]), 2 * spacing * H, 2, solver=solver)
 
 
 def evaluations(problem: DesignProblem, objective: str) -> Iterator[Evaluation]:
@@ -189,11 +192,11 @@ def evaluations(problem: DesignProblem, objective: str) -> Iterator[Evaluation]:
         state, evaluation, _ = rule.step(problem, state, evaluation, *problem.gradient(evaluation))
 
 
-def measurement(nx: int, objective: str, iterations: int) -> Measurement:
+def measurement(nx: int, objective: str, iterations: int, body: str = "cantilever") -> Measurement:
     """So many iterations, timed; the first, which also filters the gradient of the volume once for all, is left out."""
     clock = Clock()
     with clock("operators"):
-        untimed = problem_of(nx, objective)
+        untimed = problem_of(nx, objective, body=body)
     with clock("filter built"):
         problem = TimedProblem.of(untimed, clock)
     model = untimed.model
@@ -221,13 +224,13 @@ def peak_memory() -> float:
     return 1024.0 * int(peak[1]) if peak else np.nan
 
 
-def alone(nx: int, objective: str, iterations: int) -> Measurement:
+def alone(nx: int, objective: str, iterations: int, body: str = "cantilever") -> Measurement:
     """`measurement` in a process of its own, whose memory is that of this problem alone."""
-    return in_own_process(_with_memory, nx, objective, iterations)
+    return in_own_process(_with_memory, nx, objective, iterations, body)
 
 
-def _with_memory(nx: int, objective: str, iterations: int) -> Measurement:
-    return measurement(nx, objective, iterations)._replace(peak=peak_memory())
+def _with_memory(nx: int, objective: str, iterations: int, body: str) -> Measurement:
+    return measurement(nx, objective, iterations, body)._replace(peak=peak_memory())
 
 
 def exponents(seconds: Mapping[str, Array], points: Array) -> dict[str, float]:
