@@ -158,8 +158,8 @@ def test_time_to_design(report: Report, progress: ShowProgress) -> None:
     """CPU time to an equal true objective
 
     The paper's cantilever and radius by pyMOTO's MMA beside three runs of mpmtop, a hundred iterations each; the
-    designs on the way judged by biquadratic elements. CPU seconds from nothing, operators included, to within 1 % and 0.1 % of
-    the best of all.
+    designs on the way judged by biquadratic elements. CPU seconds from nothing, operators
+    included, to within 1 % and 0.1 % of the best of all.
     """
     for nx in progress((80, 320), "sizes"):
         tracks = {"pyMOTO, MMA": in_own_process(pymoto_track, nx, nx // 2, 100)}
