@@ -185,6 +185,7 @@ def _facts(studies: Sequence[Study], measured: Measured, contents: Contents) -> 
         "regression": lambda name="": Regression.of(measured.now, name),
         "part_of": lambda study, test: parts.get((study, test)),
         "ratio_of": lambda study, test, claim: ratios.get((study, test, claim)),
+        "leading": lambda study: study.leading(kept_of(study.name)),
         "sentences_of": lambda study, what: study.told(what) + study.filled(what, kept_of(study.name)),
         "ran": measured.ran,
         "ratios_of": lambda part: zip(part.ratios, rows_of(part.test, (r.claim for r in part.ratios)), strict=True),

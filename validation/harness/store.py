@@ -8,10 +8,12 @@ import csv
 import io
 import json
 import re
+from bisect import bisect_right
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from inspect import cleandoc
+from itertools import accumulate
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -42,6 +44,10 @@ class Section:
     so: list[str] = field(default_factory=list)
     front: dict[str, list[str]] = field(default_factory=dict)
     opening: list[Block] = field(default_factory=list)
+
+
+HEADED = 80
+"""Words of findings at the head of a page: with the question and the conclusion they are read in half a minute."""
 
 
 @dataclass(frozen=True)
@@ -76,6 +82,19 @@ class Study:
     def told(self, what: str) -> list[str]:
         """Sentences `found`, or the conclusions `so`, of all sections."""
         return [sentence for section in self.sections for sentence in getattr(section, what)]
+
+    def leading(self, measured: Mapping[str, float]) -> list[str]:
+        """Findings that head the page: what no section holds, then of those on the front page and of all others, in
+        their order, as many as HEADED words hold, one at least. The rest stand beside their sections in the list of
+        contents; a page of one section has no such list."""
+        of_front = {sentence for section in self.sections for told in section.front.values() for sentence in told}
+        found = sorted(self.told("found"), key=lambda sentence: sentence not in of_front)
+        whole = self.filled("found", measured)
+        if len(self.sections) == 1:
+            return whole + found
+        words = accumulate((len(sentence.split()) for sentence in found), initial=len(" ".join(whole).split()))
+        held = bisect_right([*words][1:], HEADED)
+        return whole + found[: held if whole else max(held, 1)]
 
     def filled(self, what: str, measured: Mapping[str, float]) -> list[str]:
         """The sentences of its constants with the values of what was `measured` by claim, or of claims; without those

@@ -6,6 +6,8 @@ import pytest
 
 from mpmtop.crossing import FAMILIES
 from validation import paper
+from validation.bodies import scenes
+from validation.bodies.sketch import CHOSEN, opening
 from validation.bodies.sliced_beam import beam_rises
 from validation.harness.lock import Lock
 from validation.harness.report import Report
@@ -36,6 +38,9 @@ def test_tips(report: Report, lock: Lock) -> None:
     domains on one side as it loses on the other, so that GIMP hardly notices, while standard MPM loses a column all the
     same. Under **uniform** there is the lever arm, and the gap at the clamp, which no estimate of slices sees.
     """
+    tried = "tried: " + ", ".join(f"{radius:g}" for radius in cantilever.RADII) + " spacings"
+    sources = {"load": "tried: the bottom corner, too", "filter radius": tried, "E_min / E0": CHOSEN, "rho_min": CHOSEN}
+    opening(report, scenes.cantilever(), sources, note="The others are the L-bracket and the plate with a hole.")
     base = BASES[0]
     still = {name: cantilever.tip(base, name) for name in NAMES}
     rows = {
