@@ -188,3 +188,24 @@ def test_the_readme_s_examples_run(tmp_path: Path) -> None:
         [sys.executable, "-c", smaller], check=True, cwd=tmp_path, env=os.environ | {"PYTHONPATH": str(ROOT)}
     )
     assert (tmp_path / "beam.vtu").exists() and (tmp_path / "beam.png").exists()
+
+
+LONGEST_MODULE, LONGEST_FUNCTION = 350, 60
+"""Lines. What is longer is not read at one sitting. Recorded sections of studies may be longer by a quarter: what a
+section asks, measures and tells is one text."""
+
+
+@pytest.mark.parametrize("package", ["mpmtop", "reference_fem", "validation", "tests"])
+def test_modules_fit_in_one_reading(package: str) -> None:
+    long = []
+    for path in modules(package):
+        text = path.read_text()
+        name = path.relative_to(ROOT)
+        long += [f"{name}: {n} lines"] if (n := len(text.splitlines())) > LONGEST_MODULE else []
+        for node in ast.walk(ast.parse(text)):
+            if isinstance(node, ast.FunctionDef):
+                lines = (node.end_lineno or node.lineno) - node.lineno + 1
+                section = package == "validation" and node.name.startswith("test_")
+                if lines > LONGEST_FUNCTION * (1.25 if section else 1):
+                    long.append(f"{name}: {node.name} has {lines} lines")
+    assert not long
