@@ -11,7 +11,7 @@ from validation.measures.timing import cpu_seconds, iteration
 from validation.methods.analyser import MOVE
 from validation.methods.plain_fem import PlainProblem
 from validation.methods.pymoto import PyMoto
-from validation.studies.scale.designs import APART, Kept, Track, judged
+from validation.methods.tracks import APART, Kept, Track, judged
 
 
 class Iteration(NamedTuple):

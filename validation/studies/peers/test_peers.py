@@ -27,7 +27,7 @@ from validation.harness.report import Report
 from validation.measures.timing import Work, cpu_seconds, in_own_process
 from validation.methods.analyser import METHODS, MOVE, Optimisation
 from validation.methods.protocol import Case
-from validation.studies.scale.designs import RULES, track
+from validation.methods.tracks import RULES, track
 
 ASKED = "Do other codes give the same numbers, and how long do they take?"
 

@@ -17,8 +17,8 @@ from reference_fem.reanalyse import build_judge, judge_stress
 from validation.bodies.scenes import H, l_bracket
 from validation.harness.progress import ShowProgress
 from validation.harness.report import Report
-from validation.studies.scale.designs import RULES as CANTILEVER_RULES
-from validation.studies.scale.designs import Track, track
+from validation.methods.tracks import RULES as CANTILEVER_RULES
+from validation.methods.tracks import Track, track
 
 ENOUGH = 1.22
 """P-norm [F/h] that counts as found: about what conservative rules end at from the uniform start, after 500 solves and
