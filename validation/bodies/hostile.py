@@ -9,7 +9,7 @@ from mpmtop.arrays import Array
 from mpmtop.body import Body, Material, Support
 from mpmtop.errors import LoadOutsideBody, NotConverged, PointOutsideGrid, UnsupportedBody
 from mpmtop.large_deformation.law import Hencky, NeoHookean, jacobian
-from mpmtop.large_deformation.model import Model, discretise
+from mpmtop.large_deformation.model import Frame, Model, discretise
 from mpmtop.large_deformation.objectives import EndCompliance, gradient
 from mpmtop.large_deformation.steps import trajectory
 from mpmtop.loads import RegionLoad
@@ -46,7 +46,7 @@ def case(seed: int) -> Case:
     domain = Rectangle(tuple(lower.tolist()), tuple(upper.tolist()))
     scene = Body(domain, (clamp,), (tip,), Material(E0, nu))
     shape_function = (tent, gimp, bspline2)[rng.integers(3)]
-    frame = "total" if rng.random() < 0.25 else "updated"
+    frame: Frame = "total" if rng.random() < 0.25 else "updated"
     stretched = shape_function is gimp and frame == "updated" and rng.random() < 0.5
     model = discretise(
         scene,
@@ -54,7 +54,7 @@ def case(seed: int) -> Case:
         (int(rng.integers(1, 4)), int(rng.integers(1, 4))),
         shape_function,
         steps=int(rng.integers(1, 5)),
-        frame=frame,  # type: ignore[arg-type]
+        frame=frame,
         domains="stretched" if stretched else "fixed",
         alpha=float(rng.choice([0.0, 1e-5, 1e-5, 1e-3])),
         law=(Hencky, NeoHookean)[rng.integers(2)](nu),

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from itertools import zip_longest
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeGuard
 
 from validation.harness.blocks import Table
 from validation.harness.claims import Value
@@ -32,10 +32,14 @@ class Moved:
     @property
     def change(self) -> float | None:
         """Relative change of a number, infinite from zero; None of anything else."""
-        if any(value is None or isinstance(value, str | bool) for value in (self.before, self.after)):
+        if not (_number(self.before) and _number(self.after)):
             return None
-        a, b = float(self.before), float(self.after)  # type: ignore[arg-type]
+        a, b = float(self.before), float(self.after)
         return (b - a) / abs(a) if a else math.copysign(math.inf, b - a)
+
+
+def _number(value: Value | None) -> TypeGuard[int | float]:
+    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 @dataclass(frozen=True)

@@ -102,6 +102,13 @@ class Analyser:
         return DensityField(self.x, self.half_length, rho)
 
 
+def stress_objective(scene: Scene) -> PNormStress:
+    """The scene's objective, which must be of stress."""
+    if not isinstance(scene.objective, PNormStress):
+        raise TypeError(f"{scene.name}: its objective is no p-norm of stress")
+    return scene.objective
+
+
 def stress_measure(scene: Scene) -> StressMeasure:
     """Which von Mises stress the scene's objective is of; that with sigma_zz if it is of none."""
     return scene.objective.measure if isinstance(scene.objective, PNormStress) else "von_mises"

@@ -24,7 +24,14 @@ from validation.harness.lock import Lock
 from validation.harness.report import Report
 from validation.measures.drawing import draw_design, draw_points
 from validation.measures.history import histories
-from validation.methods.analyser import METHODS, ROUNDING_RISE, Analyser, DensityField, Optimisation
+from validation.methods.analyser import (
+    METHODS,
+    ROUNDING_RISE,
+    Analyser,
+    DensityField,
+    Optimisation,
+    stress_objective,
+)
 from validation.paper import compare_identical
 from validation.studies.l_bracket.rules import RTOL_ANALYSIS, RTOL_OPTIMUM
 
@@ -224,7 +231,8 @@ def test_reduction(report: Report, analysers: dict[str, Analyser], runs: dict[st
     a = analysers["standard"]
     start, end = np.full(len(a.x), 0.4), runs["standard"].design.rho
     scene = l_bracket()
-    p, q = scene.objective.p, scene.objective.q  # type: ignore[union-attr]
+    objective = stress_objective(scene)
+    p, q = objective.p, objective.q
 
     def norm(s: Array) -> float:
         return float(s.max() * np.sum((s / s.max()) ** p) ** (1 / p))

@@ -1,6 +1,7 @@
 """Runs of a quantity at all levels, and what is read from them: settled errors, Pareto front, slopes."""
 
 from functools import partial
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -63,17 +64,17 @@ def stencil(name: str) -> int:
     return {"quadratic B-spline": 9, "cubic B-spline": 16}.get(name, 4)
 
 
-def by_points(quantity: Quantity, name: str, ppc: int, crossing: Crossing, n: int) -> list[dict[str, object]]:
+def by_points(quantity: Quantity, name: str, ppc: int, crossing: Crossing, n: int) -> list[dict[str, Any]]:
     """Rows of one analysis; none where K is singular, or so nearly that the error has no meaning."""
     try:
         measure, seconds = measured(partial(quantity.points, n, SHAPE_FUNCTIONS[name], ppc, crossing))
     except (SingularMatrix, UnsupportedBody, NotConverged):
         return []
     rows = named(quantity, measure(), method=name, ppc=ppc, points=label(crossing), n=n, seconds=seconds)
-    return [row for row in rows if row["error"] < MEANINGLESS]  # type: ignore[operator]
+    return [row for row in rows if row["error"] < MEANINGLESS]
 
 
-def named(quantity: Quantity, outcome: Outcome, **case: object) -> list[dict[str, object]]:
+def named(quantity: Quantity, outcome: Outcome, **case: Any) -> list[dict[str, Any]]:
     """A row for each error of an analysis: the case, its cost and the error, as far as it is resolved."""
     cost = {"unknowns": outcome.unknowns, "nonzeros": outcome.nonzeros, "stored": outcome.stored}
     return [

@@ -7,7 +7,14 @@ from mpmtop.crossing import Crossing, Periodic
 from mpmtop.optimizers import GCMMA
 from mpmtop.points import seed
 from validation.bodies.scenes import SPACING, l_bracket
-from validation.methods.analyser import MOVE, SHAPE_FUNCTIONS, Analyser, Optimisation, material_points
+from validation.methods.analyser import (
+    MOVE,
+    SHAPE_FUNCTIONS,
+    Analyser,
+    Optimisation,
+    material_points,
+    stress_objective,
+)
 
 CROSSING = Periodic(4)
 """The cantilever study's calibration."""
@@ -47,5 +54,5 @@ def p_norm(analyser: Analyser) -> float:
 
 def relaxed(analyser: Analyser, rho: Array) -> Array:
     """rho^q vm (p,) by the method itself."""
-    q = analyser.scene.objective.q  # type: ignore[union-attr]
+    q = stress_objective(analyser.scene).q
     return rho**q * analyser.solid_von_mises(analyser.problem.analyse(rho))

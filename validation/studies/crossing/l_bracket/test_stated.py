@@ -10,7 +10,7 @@ from mpmtop.arrays import Array
 from validation import paper
 from validation.harness.claims import Statement
 from validation.harness.report import Report
-from validation.methods.analyser import Analyser, Optimisation
+from validation.methods.analyser import Analyser, Optimisation, stress_objective
 from validation.paper import Compared, compare
 from validation.studies.crossing.l_bracket.bracket import CROSSING, p_norm, relaxed, solid_von_mises
 
@@ -121,5 +121,5 @@ def in_plane(analyser: Analyser, rho: Array) -> float:
     problem: Any = analyser.problem
     solid = np.full(len(rho), analyser.scene.body.material.young)
     sx, sy, t = problem.model.stress(solid, problem.analyse(rho).state.strain).T
-    q = analyser.scene.objective.q  # type: ignore[union-attr]
+    q = stress_objective(analyser.scene).q
     return float((rho**q * np.sqrt(sx**2 + sy**2 - sx * sy + 3 * t**2)).max())
