@@ -10,10 +10,15 @@ export OPENBLAS_NUM_THREADS ?= 1
 export OMP_NUM_THREADS ?= 1
 export MKL_NUM_THREADS ?= 1
 
-.PHONY: validate benchmark test lowest lint lock clean
+.PHONY: validate paper benchmark test lowest lint lock clean
 
 validate: .venv/installed
 	$(BIN)/python -m pytest validation -n $(JOBS) $(if $(filter-out 0,$(QUICK)),--quick)
+	$(BIN)/python -m validation readme
+
+# the pages about the paper's own figures only; of the others the report keeps what they last recorded
+paper: .venv/installed
+	$(BIN)/python -m pytest validation -n $(JOBS) --group "The paper" $(if $(filter-out 0,$(QUICK)),--quick)
 	$(BIN)/python -m validation readme
 
 # minutes each, beside pyMOTO and Kratos; one process, so that CPU times are not those of a crowded machine

@@ -224,16 +224,14 @@ def _energy_between(grid: Grid, points: MaterialPoints, transfer: Transfer, u: A
     active = np.zeros(total, dtype=bool)
     active[transfer.nodes] = True
     nx, ny = grid.cells
-    energy, whole = np.zeros(len(points.x)), np.ones(len(points.x), dtype=bool)
-    for side in ((-1, -1), (-1, 1), (1, -1), (1, 1)):
-        xi = grid.cell_coordinates(points.x + np.multiply(side, GAUSS_2) * points.half_length)
-        cell = np.clip(np.floor(xi).astype(np.intp), 0, (nx - 1, ny - 1))
-        s, t = (xi - cell).T[..., None]
-        corner = grid.node_index(*cell.T)[:, None] + [0, 1, grid.nodes[1], grid.nodes[1] + 1]
-        u00, u01, u10, u11 = np.moveaxis(nodal[corner], 1, 0)
-        by_x = ((1 - t) * (u10 - u00) + t * (u11 - u01)) / grid.h[0]
-        by_y = ((1 - s) * (u01 - u00) + s * (u11 - u10)) / grid.h[1]
-        eps = np.stack([by_x[:, 0], by_y[:, 1], by_x[:, 1] + by_y[:, 0]], axis=1)
-        energy += eps**2 @ NORM / 4
-        whole &= active[corner].all(axis=1)
+    sides = np.multiply(((-1, -1), (-1, 1), (1, -1), (1, 1)), GAUSS_2)[:, None]
+    xi = grid.cell_coordinates(points.x + sides * points.half_length)  # (4, p, 2)
+    cell = np.clip(np.floor(xi).astype(np.intp), 0, (nx - 1, ny - 1))
+    s, t = np.moveaxis(xi - cell, -1, 0)[..., None]
+    corner = grid.node_index(*np.moveaxis(cell, -1, 0))[..., None] + [0, 1, grid.nodes[1], grid.nodes[1] + 1]
+    u00, u01, u10, u11 = np.moveaxis(nodal[corner], 2, 0)
+    by_x = ((1 - t) * (u10 - u00) + t * (u11 - u01)) / grid.h[0]
+    by_y = ((1 - s) * (u01 - u00) + s * (u11 - u10)) / grid.h[1]
+    eps = np.stack([by_x[..., 0], by_y[..., 1], by_x[..., 1] + by_y[..., 0]], axis=-1)
+    energy, whole = (eps**2 @ NORM).mean(axis=0), active[corner].all(axis=(0, 2))
     return energy, whole

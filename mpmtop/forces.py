@@ -49,11 +49,13 @@ def external_force(
     """
     tol = 1e-9 * min(grid.h)
     acts = action(loads, points.x, points.volume, tol)
-    try:
-        at = functions_at(grid, operators.nodes, shape_function, ends, acts.position)
-    except PositionOutsideBody as error:
-        raise LoadOutsideBody(f"a load acts at {error}") from error
-    fixed = (operators.N_matrix[acts.points].T @ acts.carried).ravel() + at.force(acts.force)
+    fixed = (operators.N_matrix[acts.points].T @ acts.carried).ravel()
+    if len(acts.position) > 0:
+        try:
+            at = functions_at(grid, operators.nodes, shape_function, ends, acts.position)
+        except PositionOutsideBody as error:
+            raise LoadOutsideBody(f"a load acts at {error}") from error
+        fixed += at.force(acts.force)
     size = float(np.abs(acts.places(points.x)[1]).sum())
     for piece in acts.along:
         functions, force = _along(piece, domain, grid, points, shape_function, operators)

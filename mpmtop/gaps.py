@@ -119,13 +119,16 @@ def _contacts(points: MaterialPoints, among: Index, domain: Region | None) -> In
     size = np.floor(np.log2(radius / radius.min()) + 1e-9)
     found = [np.empty((0, 2), np.intp)]
     for level in np.unique(size):
-        coarse, finer = np.flatnonzero(size == level), np.flatnonzero(size <= level)
+        coarse, finer = np.flatnonzero(size == level), np.flatnonzero(size < level)
         reach = (2 + 2 * TOUCH) * radius[coarse].max()
-        near = KDTree(x[coarse]).sparse_distance_matrix(KDTree(x[finer]), reach, output_type="ndarray")
-        found.append(np.stack([coarse[near["i"]], finer[near["j"]]], axis=1))
+        tree = KDTree(x[coarse])
+        found.append(coarse[tree.query_pairs(reach, output_type="ndarray")])
+        if len(finer) > 0:
+            near = tree.sparse_distance_matrix(KDTree(x[finer]), reach, output_type="ndarray")
+            found.append(np.stack([coarse[near["i"]], finer[near["j"]]], axis=1))
     p, q = np.concatenate(found).T
     apart = np.hypot(*(x[p] - x[q]).T) - radius[p] - radius[q]
-    touch = (apart <= 2 * TOUCH * np.minimum(radius[p], radius[q])) & (p != q)
+    touch = apart <= 2 * TOUCH * np.minimum(radius[p], radius[q])
     p, q = p[touch], q[touch]
     if domain is not None:
         middle = (points.x[among[p]] + points.x[among[q]]) / 2

@@ -46,6 +46,7 @@ class Model:
     stiffness: Stiffness
     solver: Solver
     findings: tuple[ModelWarning, ...]  # how the model misleads about the body, see `mpmtop.diagnose`
+    acting: tuple[Body, Forces]  # a body whose loads are known already, and their nodal forces
 
     def __post_init__(self) -> None:
         nodes = self.grid.node_positions(self.transfer.nodes)
@@ -65,7 +66,8 @@ class Model:
     @cached_property
     def forces(self) -> Forces:
         """Nodal forces of the body's loads, held degrees of freedom included."""
-        return self.forces_of(self.body.loads)
+        body, known = self.acting
+        return known if body is self.body else self.forces_of(self.body.loads)
 
     def forces_of(self, loads: Iterable[Load]) -> Forces:
         """Nodal forces of any loads, held degrees of freedom included."""
@@ -96,13 +98,19 @@ class Model:
     def resistance(self, moduli: Array, u: Array, strain: Array | None = None) -> Array:
         """K u (2a,) before any degree of freedom is held, ghost penalty and ties included; `strain` (p, 3) if known."""
         stress = self.stress(moduli, self.transfer.strain(u) if strain is None else strain)
-        return self.internal_force(stress) + self.ghost.force(moduli, u) + self.ties.force(moduli, u)
+        return sum((part.force(moduli, u) for part in self._beside), start=self.internal_force(stress))
 
     def work(self, v: Array, strain_v: Array, u: Array, strain_u: Array) -> Array:
         """v . dK/dE_p u (p,) = V_p eps_p(v) . D eps_p(u), and the parts of ghost penalty and edges."""
         energy = strain_v @ self.D
         energy *= strain_u
-        return self.points.volume * np.sum(energy, axis=1) + self.ghost.work(v, u) + self.ties.work(v, u)
+        by_points = self.points.volume * np.sum(energy, axis=1)
+        return sum((part.work(v, u) for part in self._beside), start=by_points)
+
+    @cached_property
+    def _beside(self) -> tuple[GhostPenalty | Ties, ...]:
+        """What resists beside the points, where there is any."""
+        return *([self.ghost] if self.ghost.modulus.shape[0] else ()), *([self.ties] if self.ties.stated else ())
 
     def at(self, x: Array, half_length: Array | float = 0.0) -> Functions:
         """The functions at positions x (k, 2) of the body, as at points with domains of `half_length` (k, 2) there.
@@ -169,7 +177,7 @@ def discretise(
     ties = tie(body, grid, points, weighted, shape_function, ends, D)
     K = stiffness(grid, points, weighted, D, held, penalty, ties)
     chosen = solver(_pattern(grid, weighted, K))
-    model = Model(body, grid, points, shape_function, ends, weighted, penalty, ties, K, chosen, found)
+    model = Model(body, grid, points, shape_function, ends, weighted, penalty, ties, K, chosen, found, (body, forces))
     if body.loads:
         check_loads(model)
     for finding in found:

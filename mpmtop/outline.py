@@ -53,7 +53,7 @@ def surface(domain: Region, region: Region, lines: tuple[Array, Array]) -> Surfa
         side = _sides(domain, region, curve, before, samples, size)
         low, high = samples[:-1][side[:-1] != side[1:]], samples[1:][side[:-1] != side[1:]]
         first = side[:-1][side[:-1] != side[1:]]
-        for _ in range(BISECTIONS):
+        for _ in range(BISECTIONS if len(low) else 0):
             middle = (low + high) / 2
             same = _sides(domain, region, curve, before, middle, size) == first
             low, high = np.where(same, middle, low), np.where(same, high, middle)

@@ -84,6 +84,9 @@ def tie(
     UnsupportedBody for an edge support without boundary, LoadOutsideBody for a spring where there is no material.
     """
     nodes, p = transfer.nodes, len(points.volume)
+    if not stated_ties(body):
+        none = sp.csr_array((0, 2 * len(nodes)))
+        return Ties((), none, none, none, np.empty(0), sp.csr_array((0, p)))
     hold, pull = [sp.csr_array((0, 2 * len(nodes)))], [sp.csr_array((0, 2 * len(nodes)))]
     penalty, nearest = [np.empty(0)], [np.empty(0, np.intp)]
     for support in body.edges:

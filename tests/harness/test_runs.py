@@ -3,12 +3,16 @@
 import json
 import os
 import re
+import shlex
 import shutil
+import subprocess
+from itertools import chain
 from pathlib import Path
 
 import pytest
 
 from tests.harness.studies import CROSSING, OPTIONS, ROOT, claims, committed, rerun, write_study
+from validation.contents import CONTENTS
 from validation.harness import plugin
 from validation.harness.pages import replace
 from validation.harness.timed import read_timed
@@ -75,6 +79,26 @@ def test_quick_leaves_slow_tests_out(pytester: pytest.Pytester) -> None:
     pytester.makeini("[pytest]\nmarkers = slow")
     assert "1 passed, 1 skipped" in rerun(pytester, "--quick")
     assert "2 passed" in rerun(pytester)
+
+
+def test_make_paper_runs_the_pages_of_the_paper(pytester: pytest.Pytester) -> None:
+    recipe = subprocess.run(["make", "-n", "paper"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    command = next(shlex.split(line) for line in recipe.splitlines() if "pytest validation" in line)
+    every = {*chain.from_iterable(CONTENTS.groups.values())}
+    for name in every:
+        write_study(pytester.path, name, "def test_it(): pass")
+    collected = rerun(pytester, *command[command.index("--group") :], "--collect-only")
+    ran = set(re.findall(r"studies/(\w+)/test_", collected))
+    assert ran == set(CONTENTS.groups["The paper"])
+    # and these are what the paper's figures are reproduced by: every page that is named after some of them
+    titles = {page.stem: page.read_text().splitlines()[0] for page in (ROOT / "reports").glob("*.md")}
+    assert {name for name, title in titles.items() if "(Figs. " in title} == ran - {"choices"}
+
+
+def test_a_group_that_there_is_not_is_refused(pytester: pytest.Pytester) -> None:
+    pytester.makepyfile(test_plain="def test_fast(): pass")
+    refused = pytester.runpytest_inprocess(*OPTIONS, "--group", "Robustnes")
+    assert "'The paper', 'Beyond the paper', 'Cost', 'Robustness'" in refused.stderr.str()
 
 
 def test_a_second_run_writes_the_same_bytes(studied: tuple[Path, str], pytester: pytest.Pytester) -> None:

@@ -41,7 +41,7 @@ from validation.harness.store import Ran, Study, headed, marked, merge, read
 from validation.harness.style import STYLE
 from validation.harness.timed import merge_timed, read_timed
 
-LONGEST = ("l_bracket", "stability", "multi_resolution", "hole", "work_precision")
+LONGEST = ("l_bracket", "stability", "hole", "multi_resolution", "large_deformation", "crossing_l_bracket")
 """Studies that start first, so that processes beside each other end at about the same time."""
 ROOM = "studies"
 """The folder in which every study has one of its own."""
@@ -74,6 +74,7 @@ class ByFolder(LoadScopeScheduling):
 
 
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> ByFolder:
+    config.option.loadscopereorder = False  # by number of tests, which says nothing of their time
     return ByFolder(config, log)
 
 
@@ -84,6 +85,9 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--reports", metavar="DIR", help="folder the validation report is written to (default: reports)")
     parser.addoption("--benchmark", action="store_true", help="run the tests marked `benchmark`, too: minutes each")
     parser.addoption("--quick", action="store_true", help="skip the tests marked `slow`")
+    parser.addoption(
+        "--group", metavar="NAME", help="run the studies of one group of the contents only: The paper, ..."
+    )
     parser.addoption(
         asked.OPTION,
         action="append",
@@ -103,6 +107,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Skip what was not asked for; what the report recorded of it stays. The longest studies go first."""
+    _keep_group(config, items)
     left_out = {
         "benchmark": (not config.getoption("--benchmark", False), "finest levels: run by --benchmark"),
         "slow": (config.getoption("--quick", False), "slow: left out by --quick"),
@@ -113,6 +118,18 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
                 item.add_marker(pytest.mark.skip(reason=reason))
     place = {study: k for k, study in enumerate(LONGEST)}
     items.sort(key=lambda item: place.get(study_of(item.path.parent), len(place)))
+
+
+def _keep_group(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Leave out all studies but those of the group that was asked for. UsageError if the contents have none such."""
+    group = config.getoption("--group", None)
+    if group is None:
+        return
+    if group not in CONTENTS.groups:
+        raise pytest.UsageError(f"--group {group!r}: the contents have {', '.join(map(repr, CONTENTS.groups))}")
+    asked_for = [study_of(item.path.parent) in CONTENTS.groups[group] for item in items]
+    config.hook.pytest_deselected(items=[item for item, kept in zip(items, asked_for, strict=True) if not kept])
+    items[:] = [item for item, kept in zip(items, asked_for, strict=True) if kept]
 
 
 @pytest.hookimpl(tryfirst=True)
