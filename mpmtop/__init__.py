@@ -31,6 +31,7 @@ What is shown:
     plot            designs, fields, bodies, histories
     export          VTU files and back
     fields, at_points                                              what both show, in one form
+    page            what the report's pages and a comparison's have in common
 
 large_deformation   load steps in which points cross cells by themselves
 

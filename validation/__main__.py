@@ -13,6 +13,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from mpmtop.page.numbers import number
 from validation.codes.adapter import NoAdapter, write_template
 from validation.codes.checks import every
 from validation.codes.files import write_cases
@@ -21,7 +22,6 @@ from validation.harness.claims import Tally
 from validation.harness.diff import compare
 from validation.harness.overview import DESIGNS, Overview
 from validation.harness.pages import rendered_diff, replace, republish
-from validation.harness.show import number
 from validation.harness.store import read
 
 ROOT = Path(__file__).parents[1]

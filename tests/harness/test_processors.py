@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from mpmtop.page.drawing import numbered
 from tests.harness.studies import ROOT, committed
-from validation.harness.style import numbered
 
 STUDIES = ("removal", "errata", "locking")
 KERNELS = ("Haswell", "Nehalem")

@@ -9,12 +9,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from mpmtop.page.drawing import STYLE
+from mpmtop.page.numbers import changed, digits3, number, per_cent
 from validation.harness.blocks import Table, raster
 from validation.harness.claims import Reading, Statement, Tally, stands
 from validation.harness.report import Locked, Report
-from validation.harness.show import cell, changed, digits3, number, per_cent, show
+from validation.harness.show import cell, show
 from validation.harness.store import Section, Study
-from validation.harness.style import STYLE
 from validation.measures.drawing import draw_design, draw_points
 
 pytest_plugins = ["pytester"]

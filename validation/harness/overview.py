@@ -10,12 +10,12 @@ import numpy as np
 from matplotlib.figure import Figure
 from PIL import Image
 
+from mpmtop.page.drawing import STYLE, drawn
+from mpmtop.page.numbers import digits3
 from validation.harness.blocks import Pixels
 from validation.harness.claims import PRINTED, Claim, Stand, stands
 from validation.harness.contents import Contents
-from validation.harness.show import digits3
 from validation.harness.store import Study, blocks_of
-from validation.harness.style import STYLE, drawn
 
 REACH = 0.4
 """Deviation [1] at which the plot of the printed results ends; what lies further is drawn at its end, with a sign."""

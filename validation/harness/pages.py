@@ -1,19 +1,17 @@
 """Pages of the report: Jinja2 templates, and what they need to show values, claims, prose and figures."""
 
-import base64
 import json
 import os
-import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
-from urllib.parse import quote
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined, select_autoescape
 
+from mpmtop.page.drawing import BASE, image
 from validation.harness import show
 from validation.harness.blocks import Drawing, Frames, Pixels, Table
 from validation.harness.claims import KINDS, Tally, rows_of, stands
@@ -36,8 +34,6 @@ from validation.harness.timed import (
 _CLOCK_PAGES: dict[str, Place] = {"timings": "timed", "benchmark": "benchmark"}
 PROVENANCE = "data/provenance.json"
 """Where the last run was: kept on its machine only."""
-PLAIN = " ;,/?:@=+$-_.!~*"
-"""Letters that a data URI in an attribute holds as they are."""
 PAGE = 1_800_000
 """Bytes of pictures that leave a page below 2 MB."""
 LONG, FOLDED = 16, 4
@@ -128,7 +124,7 @@ def pages(
 def _environment() -> Environment:
     """The templates, and the filters that they use."""
     environment = Environment(
-        loader=FileSystemLoader(Path(__file__).parent / "templates"),
+        loader=FileSystemLoader([Path(__file__).parent / "templates", BASE]),
         autoescape=select_autoescape(["html"]),
         undefined=StrictUndefined,
         trim_blocks=True,
@@ -217,21 +213,3 @@ def _neighbours(order: Sequence[str], name: str) -> tuple[str | None, str | None
     """The studies before and after one."""
     place = order.index(name)
     return (order[place - 1] if place else None, order[place + 1] if place + 1 < len(order) else None)
-
-
-def image(path: Path) -> dict[str, str] | None:
-    """Source and size [CSS px] of an SVG or PNG as part of a page; None if the file is absent.
-
-    A data URI keeps the page self-contained and the ids of one figure apart from those of another.
-    """
-    if not path.exists():
-        return None
-    drawn = path.read_bytes()
-    if path.suffix == ".png":
-        encoded = base64.b64encode(drawn).decode()
-        return {"src": f"data:image/png;base64,{encoded}", "width": "auto", "height": "auto"}
-    size = re.search(rb'width="([\d.]+)pt" height="([\d.]+)pt"', drawn)
-    width, height = (str(round(float(length) * 4 / 3)) for length in size.groups()) if size else ("auto", "auto")
-    # a seventh less than in base 64; line breaks are spaces to XML, and take three letters here
-    encoded = quote(drawn.replace(b"\n", b" "), safe=PLAIN)
-    return {"src": f"data:image/svg+xml,{encoded}", "width": width, "height": height}

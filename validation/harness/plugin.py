@@ -30,6 +30,7 @@ import matplotlib.style
 import pytest
 from xdist.scheduler import LoadScopeScheduling
 
+from mpmtop.page.drawing import STYLE
 from validation.contents import CONTENTS
 from validation.harness import asked, lock, progress
 from validation.harness.claims import Tally
@@ -38,7 +39,6 @@ from validation.harness.origin import provenance_of
 from validation.harness.pages import Measured, publish
 from validation.harness.report import Report
 from validation.harness.store import Ran, Study, headed, marked, merge, read
-from validation.harness.style import STYLE
 from validation.harness.timed import merge_timed, read_timed
 
 LONGEST = ("l_bracket", "stability", "hole", "multi_resolution", "large_deformation", "crossing_l_bracket")

@@ -17,9 +17,9 @@ import pandas as pd
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from mpmtop.page.drawing import drawn
 from validation.harness.blocks import Block, Drawing, Frames, Pixels, Table, Text, picture, raster
 from validation.harness.claims import MEASURED, OWN_WORDS, Claim, Statement, Value, Verdict
-from validation.harness.style import drawn
 
 RESERVED = ("index", "claims", "timings", "benchmark", "provenance")
 """Names of the report's own files."""

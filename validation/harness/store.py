@@ -17,11 +17,11 @@ from itertools import accumulate
 from pathlib import Path
 from typing import Any, TypeVar
 
+from mpmtop.page.numbers import number
 from validation.harness.blocks import Block, Drawing, Frames, Pixels, Table, Text
 from validation.harness.claims import Claim, Reading, Value, rows_of
 from validation.harness.heading import Heading
 from validation.harness.report import RESERVED, Report
-from validation.harness.show import number
 
 B = TypeVar("B")
 NAMED = re.compile(r"\{([^{}]+)\}")

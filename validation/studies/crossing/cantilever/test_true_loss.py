@@ -5,13 +5,13 @@ import pytest
 
 from mpmtop.arrays import Array
 from mpmtop.crossing import Crossing, moved
+from mpmtop.page.numbers import changed
 from reference_fem.reanalyse import Judge
 from validation import paper
 from validation.bodies.scenes import cantilever
 from validation.bodies.sliced_beam import beam_rises
 from validation.harness.lock import Lock
 from validation.harness.report import Report
-from validation.harness.show import changed
 from validation.methods.analyser import Analyser, Optimisation
 from validation.methods.judging import UNCERTAIN, own_error
 from validation.paper import compare, under_a_pattern

@@ -1,9 +1,12 @@
-"""The style of every figure of the report."""
+"""The style of every figure of a page, and how it comes into the page."""
 
+import base64
 import hashlib
 import io
 import re
+from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 import matplotlib as mpl
 from cycler import cycler
@@ -33,6 +36,11 @@ STYLE: dict[str, Any] = {
     "svg.fonttype": "path",  # letters as drawn here: no font of the reader's can move or clip them
 }
 
+BASE = Path(__file__).parent
+"""Folder of `base.css`, the style sheet that pages have in common, for a loader of templates."""
+PLAIN = " ;,/?:@=+$-_.!~*"
+"""Letters that a data URI in an attribute holds as they are."""
+
 
 def drawn(figure: Figure, file: str) -> bytes:
     """A figure as SVG, the same bytes for the same drawing, with names that no other file has."""
@@ -50,3 +58,21 @@ def numbered(svg: bytes, file: str) -> bytes:
         return svg
     names = {clip: b"p" + hashlib.sha256(f"{file} {k}".encode()).hexdigest()[:10].encode() for clip, k in order.items()}
     return re.sub(b"|".join(order), lambda match: names[match[0]], svg)
+
+
+def image(path: Path) -> dict[str, str] | None:
+    """Source and size [CSS px] of an SVG or PNG as part of a page; None if the file is absent.
+
+    A data URI keeps the page self-contained and the ids of one figure apart from those of another.
+    """
+    if not path.exists():
+        return None
+    drawn = path.read_bytes()
+    if path.suffix == ".png":
+        encoded = base64.b64encode(drawn).decode()
+        return {"src": f"data:image/png;base64,{encoded}", "width": "auto", "height": "auto"}
+    size = re.search(rb'width="([\d.]+)pt" height="([\d.]+)pt"', drawn)
+    width, height = (str(round(float(length) * 4 / 3)) for length in size.groups()) if size else ("auto", "auto")
+    # a seventh less than in base 64; line breaks are spaces to XML, and take three letters here
+    encoded = quote(drawn.replace(b"\n", b" "), safe=PLAIN)
+    return {"src": f"data:image/svg+xml,{encoded}", "width": width, "height": height}
