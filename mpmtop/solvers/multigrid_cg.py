@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from functools import cached_property, partial
 
 import numpy as np
+import scipy.sparse as sp
 from scipy.linalg import eigh
 
 from mpmtop.arrays import Array, Index
@@ -79,7 +80,7 @@ class MultigridCG:
         except SingularMatrix:  # coarser than the mechanism, which the direct solver names
             return self._direct.factor(data)
         tolerance = self.tolerance if tolerance is None else tolerance
-        return IteratedSolve(K, cycle, self._places.unknown, tolerance, partial(self._direct.factor, data))
+        return IteratedSolve(K.matrix, cycle, self._places.unknown, tolerance, partial(self._direct.factor, data))
 
     def _check_rigid_motions(self, K: Blocks) -> None:
         """SingularMatrix if the whole body can move: under a load that does not move it, the iteration converges."""
@@ -95,7 +96,7 @@ class MultigridCG:
 class IteratedSolve:
     """K x = b for b (m,) or (m, k) by conjugate gradients, and directly from the first b on that takes too many."""
 
-    K: Blocks
+    K: sp.csr_array
     cycle: Cycle
     unknown: Index
     tolerance: float
@@ -116,7 +117,7 @@ class IteratedSolve:
     def _iterate(self, b: Array) -> Array | None:
         """x, or None after MAX_ITERATIONS or on a direction without energy."""
         K, unknown = self.K, self.unknown
-        residual = np.zeros(K.stencil.size)
+        residual = np.zeros(K.shape[0])
         residual[unknown] = b
         # half, so that what rounding adds to the residual does not call for another solve
         goal = self.tolerance / 2 * np.linalg.norm(b)
@@ -129,7 +130,7 @@ class IteratedSolve:
             product = float(residual @ z)
             direction *= product / last
             direction += z
-            image = K.matrix @ direction
+            image = K @ direction
             curvature = float(direction @ image)
             if not curvature > 0:
                 return None
