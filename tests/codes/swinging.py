@@ -79,3 +79,6 @@ class Swinging:
         at_points = state.N @ state.u.reshape(-1, 2)
         kinetic, stored = float(state.mass @ state.v**2) / 2, float(np.sum(stress * strain)) / 2
         return Motion(at_points, stress / state.case.points.volume[:, None], kinetic, stored)
+
+    def end(self, state: Swing) -> None:
+        """Nothing is held open."""

@@ -33,7 +33,7 @@ def test_an_explicit_code_answers_statics_to_its_accuracy() -> None:
 
 def test_what_does_not_come_to_rest_is_no_answer() -> None:
     """Without damping it swings for ever; an unstable one has no energy that is finite."""
-    with pytest.raises(NotConverged, match="damp more, allow more blocks"):
+    with pytest.raises(NotConverged, match="damp otherwise, allow more blocks"):
         relaxed(Swinging(damping=0.0), 1e-3, ramp=1, block=10, blocks=5).analyse(cases.cantilever("cantilever"))
     with pytest.raises(ValueError, match="give positive numbers"):
         relaxed(Swinging(), 0.0)

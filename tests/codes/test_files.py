@@ -2,8 +2,6 @@
 
 import json
 import shutil
-import sys
-import time
 from pathlib import Path
 
 import meshio
@@ -13,15 +11,24 @@ import pytest
 from mpmtop.arrays import Array
 from mpmtop.grid import Grid
 from mpmtop.shape_functions import gimp, tent
-from validation.codes import cases
+from tests.codes.conftest import write_answer
+from validation.codes import cases, steps
 from validation.codes.adapter import NoAdapter
 from validation.codes.answers import Misanswered, NotStated
 from validation.codes.card import Card, Check, scorecard
 from validation.codes.checks import every
 from validation.codes.command import AnsweredFolder, CommandCode
-from validation.codes.files import folder_of, functions_name, read_answer, read_functions, write_case, write_cases
+from validation.codes.files import (
+    folder_of,
+    functions_name,
+    read_answer,
+    read_functions,
+    steps_name,
+    write_case,
+    write_cases,
+)
 from validation.methods.points import PointMethod
-from validation.methods.protocol import Answer, Case, Shape
+from validation.methods.protocol import Answer, Case, Shape, Step
 
 HERE = Path(__file__).parent
 SOME = [
@@ -65,24 +72,6 @@ def test_octave_drives_a_toy_mpm() -> None:
 # --- a folder of answers ----------------------------------------------------------------------------------------------
 
 
-def answered(folder: Path, case: Case) -> None:
-    """Our tent's answer as a table."""
-    answer = PointMethod("tent", tent).analyse(case)
-    assert answer.stress is not None
-    rows = np.column_stack([np.arange(len(answer.u)), case.points.x, answer.u, answer.stress])
-    np.savetxt(folder / "answer.csv", rows, "%.17g", delimiter=",", header="point,x,y,ux,uy,sxx,syy,sxy", comments="")
-
-
-@pytest.fixture
-def asked(tmp_path: Path) -> tuple[Path, Case]:
-    """A case in its folder, answered rightly."""
-    case = cases.cantilever("cantilever")
-    folder = tmp_path / "cantilever"
-    write_case(folder, case)
-    answered(folder, case)
-    return folder, case
-
-
 def test_numbers_pass_through_files_to_the_last_bit(asked: tuple[Path, Case]) -> None:
     folder, case = asked
     table = np.genfromtxt(folder / "points.csv", delimiter=",", names=True)
@@ -111,30 +100,14 @@ def test_an_answer_may_be_a_vtu(asked: tuple[Path, Case]) -> None:
         read_answer(folder, case)
 
 
-def swapped(text: str) -> str:
-    first, *rows = text.splitlines()
-    return "\n".join([first, *rows[::-1]])
-
-
-HOSTILE = {
-    "cut off": (lambda text: "\n".join(text.splitlines()[:-3]), "285 rows for 288 points"),
-    "in another order": (swapped, "the points are in another order, from row 0 on"),
-    "of another case": (lambda text: text.replace("2.25", "2.35"), "x and y are not those of the case"),
-    "without a column": (lambda text: text.replace("uy", "vy"), "no column uy; there are point, x, y, ux, vy"),
-    "words": (lambda text: text.replace("2.75", "two"), "no table of numbers"),
-    "ragged": (lambda text: text + "1,2\n", "no table of numbers"),
-    "empty": (lambda text: "", "no table of numbers"),
-    "a header alone": (lambda text: text.splitlines()[0], "0 rows for 288 points"),
-}
-
-
-@pytest.mark.parametrize("how", HOSTILE)
-def test_a_hostile_table_is_named(asked: tuple[Path, Case], how: str) -> None:
+def test_a_table_of_a_spreadsheet_is_read(asked: tuple[Path, Case]) -> None:
+    """With a byte order mark, spaces around names, capitals, and a column of its own."""
     folder, case = asked
-    spoil, said = HOSTILE[how]
-    (folder / "answer.csv").write_text(spoil((folder / "answer.csv").read_text()))
-    with pytest.raises(Misanswered, match=said):
-        read_answer(folder, case)
+    right, path = read_answer(folder, case)[0], folder / "answer.csv"
+    first, *rows = path.read_text().splitlines()
+    lines = [f"Note, {first.upper().replace(',', ' , ')}", *(f"7,{row}" for row in rows)]
+    path.write_text("\r\n".join(lines), "utf-8-sig")
+    assert np.array_equal(read_answer(folder, case)[0].u, right.u)
 
 
 def test_a_folder_of_answers_is_a_code(tmp_path: Path) -> None:
@@ -144,7 +117,7 @@ def test_a_folder_of_answers_is_a_code(tmp_path: Path) -> None:
     said = {"name": "by hand", "capabilities": ["analysis"]}
     (tmp_path / "code.json").write_text(json.dumps(said))
     folder, case = tmp_path / folder_of("cantilever"), cases.cantilever("cantilever")
-    answered(folder, case)
+    write_answer(folder, case)
 
     def card() -> Card:
         return scorecard(AnsweredFolder(tmp_path), some(["mean stress, loads on points", "points in another order"]))
@@ -173,72 +146,36 @@ def test_functions_pass_through_files(tmp_path: Path) -> None:
         read_functions(path, 1)
 
 
-# --- commands ---------------------------------------------------------------------------------------------------------
+def test_load_steps_pass_through_files(tmp_path: Path) -> None:
+    """A folder of answers gives the steps; rows in another order, too few and none are named."""
+    case, right = steps._pulled(0.02), PointMethod("GIMP", gimp).steps(steps._pulled(0.02), 2)
+    (tmp_path / "code.json").write_text('{"name": "by hand", "capabilities": ["load steps"]}')
+    folder = tmp_path / folder_of(steps_name(case, 2))
+    write_case(folder, case, 2)
+    assert json.loads((folder / "case.json").read_text())["steps"] == 2
+    p, path = len(case.moduli), folder / "answer.csv"
+    rows = np.vstack(
+        [np.column_stack([np.full(p, k), np.arange(p), x, stress]) for k, (x, stress) in enumerate(right, 1)]
+    )
 
-DRIVER = """
-import json, os, sys, time
-case, answer = sys.argv[1:]
-if case == "capabilities":
-    said = {"name": "hostile", "capabilities": ["analysis", "points anywhere", "prescribed displacements"]}
-    json.dump(said, open(answer, "w"))
-    sys.exit(0)
-if case.endswith("cantilever"):
-    DO
-"""
-DEEDS = {
-    "hangs": ("time.sleep(600)", "TimedOut: no end after 5 s"),
-    "hangs with a child": ("os.system('sleep 600')", "TimedOut: no end after 5 s"),
-    "crashes": ("sys.exit('out of memory')", "Crashed: exit code 1: out of memory"),
-    "dies": ("os.kill(os.getpid(), 11)", "Crashed: signal 11: it said nothing"),
-    "answers nothing": ("pass", "Misanswered: there is no answer.csv in cantilever"),
-}
+    def answer(rows: Array) -> list[Step]:
+        np.savetxt(path, rows, "%.17g", ",", header="step,point,x,y,sxx,syy,sxy", comments="")
+        return AnsweredFolder(tmp_path).steps(case, 2)
 
-
-def hostile(tmp_path: Path, deed: str) -> CommandCode:
-    driver = tmp_path / "driver.py"
-    driver.write_text(DRIVER.replace("DO", deed))
-    return CommandCode(f"{sys.executable} -S {driver} {{case}} {{answer}}", 5.0)
-
-
-@pytest.mark.parametrize("how", DEEDS)
-def test_a_hostile_command_is_named_and_costs_rows_only(tmp_path: Path, how: str) -> None:
-    deed, said = DEEDS[how]
-    row, other = scorecard(
-        hostile(tmp_path, deed), some(["mean stress, loads on points", "rigid motion, uneven points"])[::-1]
-    ).rows
-    assert row.verdict == "fails" and row.where == said
-    assert other.verdict == "fails" and other.where.startswith("Misanswered: there is no answer.csv in rigid_motion")
-
-
-def test_a_command_that_always_hangs_is_given_up(tmp_path: Path) -> None:
-    code = hostile(tmp_path, "pass")
-    code.timeout = 0.3
-    code.command = f"{sys.executable} -S -c 'import time; time.sleep(600)' {{case}} {{answer}}"
-    started = time.monotonic()
-    rows = scorecard(code, some(SOME[:4])).rows
-    assert time.monotonic() - started < 30  # two waits of 0.3 s; the rest is a busy machine's
-    assert rows[-1].where == "TimedOut: not asked: 2 calls before did not end in 0.3 s"
-
-
-@pytest.mark.parametrize(
-    ("command", "said"),
-    [
-        ("driver {case}", "names {case} and {answer}"),
-        ("there-is-no-such-driver {case} {answer}", "asked for its capabilities: .* No such file"),
-        (f"{sys.executable} -S -c 'raise SystemExit(3)' {{case}} {{answer}}", "exit code 3"),
-        (f"{sys.executable} -S -c 'pass' {{case}} {{answer}}", "has to say there what it is capable of"),
-    ],
-)
-def test_a_command_that_is_none_is_refused(command: str, said: str) -> None:
-    with pytest.raises(NoAdapter, match=said):
-        CommandCode(command, 20.0)
+    for found, expected in zip(answer(rows), right, strict=True):
+        assert np.array_equal(found.x, expected.x) and np.array_equal(found.stress, expected.stress)
+    for wrong, said in (
+        (rows[:-1], "575 rows for 288 points after each of 2 steps"),
+        (rows[::-1], "row 0 is not of step 1, point 0"),
+    ):
+        with pytest.raises(Misanswered, match=said):
+            answer(wrong)
 
 
 def test_capabilities_in_files_are_checked(tmp_path: Path) -> None:
     for said, wrong in (
         ("{}", "give `name` and a list"),
         ('{"name": "x", "capabilities": ["magic"]}', r"\['magic'\] are no capabilities"),
-        ('{"name": "x", "capabilities": ["load steps"]}', r"\['load steps'\] are no capabilities in files"),
         ("not json", "give `name` and a list"),
     ):
         (tmp_path / "code.json").write_text(said)
@@ -254,7 +191,7 @@ def test_all_cases_are_written(tmp_path: Path) -> None:
     class Asking:
         name, version = "asking", ""
         inner = PointMethod("GIMP", gimp)
-        capabilities = inner.capabilities - {"load steps"}
+        capabilities = inner.capabilities
 
         def analyse(self, case: Case) -> Answer:
             assert folder_of(case.name) in there
@@ -262,6 +199,10 @@ def test_all_cases_are_written(tmp_path: Path) -> None:
 
         def gradient(self, case: Case) -> Array:
             return self.inner.gradient(case)
+
+        def steps(self, case: Case, count: int) -> list[Step]:
+            assert folder_of(steps_name(case, count)) in there
+            return self.inner.steps(case, count)
 
         def shape(self, x: Array, half_length: Array, grid: Grid) -> Shape:
             assert folder_of(functions_name(x, half_length, grid)) in there

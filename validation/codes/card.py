@@ -4,6 +4,8 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from typing import Any, Literal, NamedTuple
 
+import numpy as np
+
 from validation.codes.answers import NotStated, NotSupported, Remembered
 from validation.methods.protocol import NOT_STATED, NOT_SUPPORTED, Capability, Method
 
@@ -109,7 +111,8 @@ def _row(code: Method, check: Check) -> Row:
     if lacks:
         return Row(check, NOT_SUPPORTED, where=", ".join(lacks))
     try:
-        value, where, kind = check.observe(code)
+        with np.errstate(all="ignore"):  # what answers of any size make of it is judged as a number
+            value, where, kind = check.observe(code)
     except NotSupported as lack:
         return Row(check, NOT_SUPPORTED, where=str(lack))
     except NotStated as nothing:

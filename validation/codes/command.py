@@ -1,9 +1,5 @@
 """A code that is a command, or a folder of answers: a question is a folder of files, the answer a table."""
 
-import os
-import shlex
-import signal
-import subprocess
 import tempfile
 from pathlib import Path
 
@@ -17,23 +13,18 @@ from validation.codes.files import (
     read_answer,
     read_code,
     read_functions,
+    read_steps,
+    steps_name,
     write_case,
     write_functions,
 )
-from validation.methods.protocol import Answer, Case, Shape
+from validation.codes.process import Crashed, Process, TimedOut, words_of
+from validation.methods.protocol import Answer, Case, Shape, Step
 
 TIMEOUT = 60.0
 """Seconds for one case unless given: the largest has 2,048 points."""
 PATIENCE = 2
 """Commands that may fail to end before no more is asked: a code that hangs costs minutes and not hours."""
-
-
-class TimedOut(RuntimeError):
-    """A command did not end in time."""
-
-
-class Crashed(RuntimeError):
-    """A command ended with an error."""
 
 
 class CommandCode:
@@ -53,7 +44,8 @@ class CommandCode:
                 self._run("capabilities", said)
             except (TimedOut, Crashed) as error:
                 raise NoAdapter(f"asked for its capabilities: {error}") from error
-            self.name, self.version, self.capabilities, self.accuracy = read_code(said)
+            self.said = read_code(said)
+        self.name, self.version, self.capabilities, self.accuracy, _ = self.said
 
     def analyse(self, case: Case) -> Answer:
         """By one call of the command."""
@@ -74,6 +66,14 @@ class CommandCode:
             self._run(str(where), where / "answer.csv")
             return read_functions(where / "answer.csv", len(x))
 
+    def steps(self, case: Case, count: int) -> list[Step]:
+        """By one call of the command."""
+        with tempfile.TemporaryDirectory() as folder:
+            where = Path(folder) / folder_of(steps_name(case, count))
+            write_case(where, case, count)
+            self._run(str(where), where / "answer.csv")
+            return read_steps(where / "answer.csv", case, count)
+
     def _answer(self, case: Case) -> tuple[Answer, Array | None]:
         with tempfile.TemporaryDirectory() as folder:
             where = Path(folder) / folder_of(case.name)
@@ -82,31 +82,14 @@ class CommandCode:
             return read_answer(where, case)
 
     def _run(self, case: str, answer: Path) -> None:
-        """Call the command. Raises TimedOut, Crashed with the last it said, Misanswered if it cannot be called."""
+        """Call the command. Raises TimedOut, Crashed with the last it said."""
         if self.hung >= PATIENCE:
             raise TimedOut(f"not asked: {PATIENCE} calls before did not end in {self.timeout:g} s")
-        words = [word.replace("{case}", case).replace("{answer}", str(answer)) for word in shlex.split(self.command)]
         try:
-            process = subprocess.Popen(
-                words,
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.PIPE,
-                stderr=subprocess.STDOUT,
-                start_new_session=True,  # so that what it starts ends with it
-            )
-        except OSError as error:
-            raise Crashed(f"{words[0]}: {error.strerror}") from error
-        try:
-            said, _ = process.communicate(timeout=self.timeout)
-        except subprocess.TimeoutExpired as error:
+            Process(words_of(self.command, case, str(answer)), self.timeout).wait()
+        except TimedOut:
             self.hung += 1
-            os.killpg(process.pid, signal.SIGKILL)
-            process.communicate()
-            raise TimedOut(f"no end after {self.timeout:g} s") from error
-        if process.returncode != 0:
-            how = f"signal {-process.returncode}" if process.returncode < 0 else f"exit code {process.returncode}"
-            last = said.decode("utf-8", "replace").strip().splitlines()[-1:]
-            raise Crashed(f"{how}: {last[0][:200] if last else 'it said nothing'}")
+            raise
 
 
 class AnsweredFolder:
@@ -114,7 +97,7 @@ class AnsweredFolder:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
-        self.name, self.version, self.capabilities, self.accuracy = read_code(folder / "code.json")
+        self.name, self.version, self.capabilities, self.accuracy, _ = read_code(folder / "code.json")
 
     def analyse(self, case: Case) -> Answer:
         """What stands in the case's folder."""
@@ -130,6 +113,10 @@ class AnsweredFolder:
     def shape(self, x: Array, half_length: Array, grid: Grid) -> Shape:
         """What stands in the question's folder."""
         return read_functions(self._of(functions_name(x, half_length, grid)) / "answer.csv", len(x))
+
+    def steps(self, case: Case, count: int) -> list[Step]:
+        """What stands in the question's folder."""
+        return read_steps(self._of(steps_name(case, count)) / "answer.csv", case, count)
 
     def _of(self, name: str) -> Path:
         folder = self.folder / folder_of(name)

@@ -6,7 +6,8 @@ stopping whenever the kinetic energy has passed a peak. `relaxed` makes of it a 
 
 The load rises along a half cosine, which excites no mode much that is faster than the ramp is long. Afterwards the
 body swings about its equilibrium with a kinetic energy T that falls as the damping has it; with the strain energy W,
-displacements are off by about sqrt(T / W) of themselves, as both are quadratic.
+displacements are off by about sqrt(T / W) of themselves, as both are quadratic. A body that is damped so much that it
+creeps has next to no kinetic energy on its way: displacements must have come to rest, too.
 """
 
 from dataclasses import dataclass
@@ -39,6 +40,10 @@ class Explicit(Method, Protocol):
         """Time steps under `level` times the loads, in place; the motion at their end."""
         ...
 
+    def end(self, state: Any) -> None:
+        """The state is not needed any more, whatever came of it."""
+        ...
+
 
 @dataclass(frozen=True)
 class Relaxed:
@@ -66,24 +71,31 @@ class Relaxed:
         return frozenset(self.code.capabilities) & frozenset(STATICS)
 
     def analyse(self, case: Case) -> Answer:
-        """Ramp, then steps in blocks until sqrt(T / W) has stayed below a tenth of the accuracy for two of them.
+        """Ramp, then steps in blocks until neither sqrt(T / W) nor the change of the displacements over a block, by the
+        largest, has been above a tenth of the accuracy for two of them.
 
         Raises NotConverged, which says what was left, after as many blocks as were allowed.
         """
         state = self.code.begin(case)
+        try:
+            return self._settled(case, state)
+        finally:
+            self.code.end(state)
+
+    def _settled(self, case: Case, state: Any) -> Answer:
         for k in range(1, self.ramp + 1):
-            motion = self.code.advance(state, (1 - np.cos(np.pi * k / self.ramp)) / 2, self.block)
+            motion = self.code.advance(state, float(1 - np.cos(np.pi * k / self.ramp)) / 2, self.block)
         calm, left = 0, np.inf
         for _ in range(self.blocks):
-            motion = self.code.advance(state, 1.0, self.block)
-            left = _left(motion)
+            before, motion = motion.u, self.code.advance(state, 1.0, self.block)
+            left = _left(motion, before)
             calm = calm + 1 if left <= 0.1 * self.accuracy else 0
             if calm == 2:
                 return Answer(motion.u, motion.stress, kinetic=motion.kinetic / motion.stored)
         raise NotConverged(
-            f"{case.name}: sqrt(kinetic / strain energy) is {left:.1e} after {self.ramp + self.blocks} blocks of "
-            f"{self.block} steps, and should be {0.1 * self.accuracy:.1e}: damp more, allow more blocks, or ask for "
-            "less"
+            f"{case.name}: sqrt(kinetic / strain energy), or the change over a block, is {left:.1e} after "
+            f"{self.ramp + self.blocks} blocks of {self.block} steps, and should be {0.1 * self.accuracy:.1e}: damp "
+            "otherwise, allow more blocks, or ask for less"
         )
 
 
@@ -93,11 +105,16 @@ STATICS: tuple[Capability, ...] = (
 )
 
 
-def _left(motion: Motion) -> float:
-    """sqrt(T / W): about the relative error of the displacements. Infinite where it blows up."""
-    if not (np.isfinite(motion.kinetic) and motion.stored > 0):
+def _left(motion: Motion, before: Array) -> float:
+    """The larger of sqrt(T / W) and the change of the displacements from `before`: about their relative error.
+
+    Infinite where it blows up.
+    """
+    largest = np.abs(motion.u).max()
+    if not (np.isfinite(motion.kinetic) and motion.stored > 0 and largest > 0):
         return float("inf")
-    return float(np.sqrt(motion.kinetic / motion.stored))
+    change = np.abs(motion.u - before).max() / largest
+    return float(max(np.sqrt(motion.kinetic / motion.stored), change))
 
 
 def relaxed(code: Explicit, accuracy: float = 1e-4, *, ramp: int = 20, block: int = 100, blocks: int = 200) -> Relaxed:

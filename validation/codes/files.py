@@ -19,16 +19,18 @@ from mpmtop.grid import Grid
 from validation.codes.adapter import NoAdapter
 from validation.codes.answers import Misanswered
 from validation.codes.card import Check
-from validation.methods.protocol import Answer, Capability, Case, Shape
+from validation.methods.protocol import Answer, Capability, Case, Shape, Step
 
 SCHEMA = """# Cases in files
 
 Every folder is one case; `case.json` says what it is. Lengths, forces and moduli are in any consistent units, plane
-problems are of unit thickness, small strain, static. Points, and nodes along each axis, are numbered from 0.
+problems are of unit thickness, static, of small strain but for load steps. Points, and nodes along each axis, are
+numbered from 0.
 
 `case.json`
-: `kind` "analysis" or "functions"; `grid`: `origin` (x, y), cell size `h` (x, y), number of `cells` (x, y): node (i, j)
-  is at origin + (i, j) h; `material`: `poisson`, `plane` "strain" or "stress".
+: `kind` "analysis", "functions" or "load steps"; `grid`: `origin` (x, y), cell size `h` (x, y), number of `cells`
+  (x, y): node (i, j) is at origin + (i, j) h; `material`: `poisson`, `plane` "strain" or "stress"; of load steps their
+  number, `steps`.
 
 `points.csv`, one row for each material point
 : `point, x, y, volume, half_x, half_y` (half the sides of its domain), `young`; `force_x, force_y`: all that the point
@@ -49,14 +51,23 @@ each point, in the order of `points.csv`
 The answer to functions, `answer.csv`, has one row for each node of each point, `point, i, j, n, dn_dx, dn_dy`; in
 `points.csv` there are positions and domains only.
 
+The answer to load steps, `answer.csv`, has one row for each point after each of the `steps`, which are numbered from 1:
+`step, point, x, y, sxx, syy, sxy`, position and Cauchy stress. In step n of N, n / N of the forces act, carried by the
+points, of fixed direction; strains and rotations are large.
+
 `code.json`, beside the folders, says what the code is: `name`, `version`, `capabilities` (words out of the list below)
 and, if it is not rounding, `accuracy`, the relative error that its numerics leave. It is asked what it is capable of
-only.
+only. A code that steps in time gives `explicit`, too: numbers of blocks of time steps in which the load is ramped,
+`ramp`, and which follow at most, `blocks`, and of steps in a `block`. Its command is called once for each case and then
+reads lines `LEVEL STEPS`: it makes STEPS time steps under LEVEL times the forces, writes {answer} anew, and says
+`moved KINETIC STORED`, kinetic and strain energy; its other output is passed over. It ends with its input.
 """
 
 
-IN_FILES: tuple[Capability, ...] = tuple(word for word in get_args(Capability) if word != "load steps")
-"""What can be asked in files."""
+KNOWN: tuple[Capability, ...] = get_args(Capability)
+BLOCKS = ("ramp", "block", "blocks")
+LARGEST = 2**26
+"""Bytes of an answer that is read: 64 MB; the largest asked for, some ten load steps of 288 points, has half of one."""
 
 
 class CodeFile(NamedTuple):
@@ -66,6 +77,8 @@ class CodeFile(NamedTuple):
     version: str
     capabilities: frozenset[Capability]
     accuracy: float
+    explicit: Mapping[str, int] | None = None
+    """Numbers of blocks and steps for `explicit.relaxed`, of a code that steps in time."""
 
 
 def read_code(path: Path) -> CodeFile:
@@ -74,19 +87,23 @@ def read_code(path: Path) -> CodeFile:
         said = json.loads(path.read_text("utf-8"))
         words = said["capabilities"]
         found = str(said["name"]), str(said.get("version", "")), frozenset(words), float(said.get("accuracy", 0.0))
+        explicit = {name: int(said["explicit"][name]) for name in BLOCKS} if "explicit" in said else None
     except OSError as error:
         raise NoAdapter(f"{path}: the code has to say there what it is capable of ({error.strerror})") from error
     except (ValueError, KeyError, TypeError, AttributeError) as error:
-        raise NoAdapter(f"{path}: give `name` and a list of `capabilities` as JSON ({error})") from error
-    if unknown := sorted(found[2] - set(IN_FILES)):
-        raise NoAdapter(f"{path}: {unknown} are no capabilities in files; there are {IN_FILES}")
-    return CodeFile(*found)
+        raise NoAdapter(
+            f"{path}: give `name` and a list of `capabilities` as JSON, and numbers for `explicit` ({error})"
+        ) from error
+    if unknown := sorted(found[2] - set(KNOWN)):
+        raise NoAdapter(f"{path}: {unknown} are no capabilities; there are {KNOWN}")
+    return CodeFile(*found, explicit)
 
 
-def write_case(folder: Path, case: Case) -> None:
-    """The files of a case."""
+def write_case(folder: Path, case: Case, steps: int | None = None) -> None:
+    """The files of a case: of an analysis, or of so many load steps."""
     material, points = case.body.material, case.points
-    _describe(folder, "analysis", case.name, case.grid, {"poisson": material.poisson, "plane": material.plane})
+    kind, counted = ("analysis", {}) if steps is None else ("load steps", {"steps": steps})
+    _describe(folder, kind, case.name, case.grid, {"poisson": material.poisson, "plane": material.plane}, counted)
     body = np.zeros_like(points.x) if case.body_force is None else case.body_force
     _table(
         folder / "points.csv",
@@ -114,15 +131,22 @@ def functions_name(x: Array, half_length: Array, grid: Grid) -> str:
     return f"functions {sha256(np.ascontiguousarray(numbers, float).tobytes()).hexdigest()[:10]}"
 
 
+def steps_name(case: Case, count: int) -> str:
+    """Name of a question for load steps."""
+    return f"{case.name}, {count} steps"
+
+
 def folder_of(name: str) -> str:
     """A case's name as that of a folder."""
     return "".join(c if c.isalnum() or c in ".-" else "_" for c in name)
 
 
-def _describe(folder: Path, kind: str, name: str, grid: Grid, material: Mapping[str, Any]) -> None:
+def _describe(
+    folder: Path, kind: str, name: str, grid: Grid, material: Mapping[str, Any], more: Mapping[str, Any] | None = None
+) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     laid = {"origin": grid.origin, "h": grid.h, "cells": grid.cells}
-    said = {"kind": kind, "name": name, "grid": laid, "material": material}
+    said = {"kind": kind, "name": name, "grid": laid, "material": material, **(more or {})}
     (folder / "case.json").write_text(json.dumps(said, indent=1) + "\n", "utf-8")
 
 
@@ -187,21 +211,43 @@ def read_functions(path: Path, count: int) -> Shape:
     return Shape(node.astype(np.intp), N, grad_N)
 
 
+def read_steps(path: Path, case: Case, count: int) -> list[Step]:
+    """The answer to a question for load steps: rows of all points in their order, step by step."""
+    columns = _read_table(path, ("step", "point", "x", "y", "sxx", "syy", "sxy"))
+    p = len(case.moduli)
+    if len(columns["step"]) != count * p:
+        raise Misanswered(f"{path}: {len(columns['step'])} rows for {p} points after each of {count} steps")
+    step, point = np.divmod(np.arange(count * p), p)
+    wrong = np.flatnonzero((columns["step"] != step + 1) | (columns["point"] != point))
+    if len(wrong):
+        raise Misanswered(f"{path}: row {wrong[0]} is not of step {step[wrong[0]] + 1}, point {point[wrong[0]]}")
+    x = np.stack([columns["x"], columns["y"]], axis=1).reshape(count, p, 2)
+    stress = np.stack([columns[name] for name in ("sxx", "syy", "sxy")], axis=1).reshape(count, p, 3)
+    return [Step(*after) for after in zip(x, stress, strict=True)]
+
+
 def _read_table(path: Path, needed: Iterable[str]) -> dict[str, Array]:
-    """Columns by name."""
+    """Columns by name, read no further than `LARGEST`. Misanswered says what is wrong with the file."""
+    if not path.exists():
+        raise Misanswered(f"there is no {path.name} in {path.parent.name}")
+    if not path.is_file():
+        raise Misanswered(f"{path} is no file")
+    if (size := path.stat().st_size) > LARGEST:
+        raise Misanswered(f"{path}: {size / 1e6:,.0f} MB: an answer has some hundred bytes for each point")
     try:
-        with path.open(encoding="utf-8", newline="") as file:
+        with path.open(encoding="utf-8-sig", newline="") as file:
             header, *rows = [row for row in csv.reader(file) if row]
         names = [name.strip().lower() for name in header]
         values = np.array([[float(value) for value in row] for row in rows] or np.zeros((0, len(names))))
-    except FileNotFoundError as error:
-        raise Misanswered(f"there is no {path.name} in {path.parent.name}") from error
-    except (OSError, UnicodeDecodeError, ValueError) as error:
+    except (OSError, UnicodeError, ValueError, csv.Error) as error:
         raise Misanswered(f"{path}: no table of numbers under a line of names ({error})") from error
     if values.shape[1] != len(names):
         raise Misanswered(f"{path}: {values.shape[1]} columns under {len(names)} names")
+    if twice := sorted({name for name in needed if names.count(name) > 1}):
+        raise Misanswered(f"{path}: there is a column {', '.join(twice)} twice")
     if lacking := [name for name in needed if name not in names]:
-        raise Misanswered(f"{path}: no column {', '.join(lacking)}; there are {', '.join(names)}")
+        found = "".join(c if c.isprintable() else "?" for c in ", ".join(names)[:200])
+        raise Misanswered(f"{path}: no column {', '.join(lacking)}; there are {found}")
     return dict(zip(names, values.T, strict=True))
 
 
@@ -221,7 +267,7 @@ def _check_places(path: Path, x: Array, case: Case) -> None:
 class Recorder:
     """A code of all capabilities that writes down what it is asked, and answers nothing."""
 
-    name, version, capabilities = "recorder", "", frozenset(IN_FILES)
+    name, version, capabilities = "recorder", "", frozenset(KNOWN)
 
     def __init__(self, folder: Path) -> None:
         self.folder, self.written = folder, set[str]()
@@ -239,6 +285,14 @@ class Recorder:
         self.analyse(case)
         return np.zeros(len(case.moduli))
 
+    def steps(self, case: Case, count: int) -> list[Step]:
+        """Where the points were, without stress."""
+        name = folder_of(steps_name(case, count))
+        if name not in self.written:
+            write_case(self.folder / name, case, count)
+            self.written.add(name)
+        return [Step(case.points.x, np.zeros((len(case.moduli), 3)))] * count
+
     def shape(self, x: Array, half_length: Array, grid: Grid) -> Shape:
         """No weights."""
         name = folder_of(functions_name(x, half_length, grid))
@@ -252,7 +306,7 @@ def write_cases(folder: Path, checks: Iterable[Check]) -> int:
     """All that the checks ask, each in a folder of its own, and the schema; how many there are."""
     recorder = Recorder(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    words = "".join(f"- {word}\n" for word in IN_FILES)
+    words = "".join(f"- {word}\n" for word in KNOWN)
     (folder / "SCHEMA.md").write_text(f"{SCHEMA}\n## Capabilities\n\n{words}", "utf-8")
     for check in (check for check in checks if check.needs <= recorder.capabilities):
         with suppress(Exception), np.errstate(all="ignore"):  # zeros are no answer to compute with
