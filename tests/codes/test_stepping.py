@@ -71,7 +71,7 @@ def test_a_command_is_ramped_and_damped_to_its_accuracy(tmp_path: Path) -> None:
 def test_a_body_that_creeps_has_not_come_to_rest(tmp_path: Path) -> None:
     """Its kinetic energy is next to nothing on its way: the change over a block is what counts."""
     still = 'print("moved 0.0 1.0", flush=True); continue'
-    with pytest.raises(NotConverged, match="or the change over a block, is 1.2e-01"):
+    with pytest.raises(NotConverged, match=r"or the change over a block, is 1\.2e-01"):
         stepping(tmp_path, slow=1e3, do=still, blocks=5).analyse(CASE)
 
 
