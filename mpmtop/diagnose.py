@@ -115,16 +115,15 @@ def _hold(grid: Grid, points: MaterialPoints, transfer: Transfer, region: Region
     beside, entry = np.unique(point, return_inverse=True)
     h = np.asarray(grid.h)
     if np.ptp(grid.node_positions(transfer.nodes[inside]), axis=0).min() < h.min() / 2:
-        held = np.zeros(len(beside))
-        for corner in ((-1, -1), (-1, 1), (1, -1), (1, 1)):
-            xi = grid.cell_coordinates(points.x[beside] + np.multiply(corner, points.half_length[beside]))
-            cell = np.floor(xi)
-            s, t = (xi - cell).T
-            value = np.zeros(len(beside))
-            for i, j in ((0, 0), (0, 1), (1, 0), (1, 1)):
-                at = (cell + np.array([i, j])) * h + grid.origin
-                value += np.abs(1 - i - s) * np.abs(1 - j - t) * region.contains(at, 1e-9 * h.min())
-            held = np.maximum(held, value)
+        corners = np.array([(-1, -1), (-1, 1), (1, -1), (1, 1)])[:, None]
+        xi = grid.cell_coordinates(points.x[beside] + corners * points.half_length[beside])  # (4, n, 2)
+        cell = np.floor(xi)
+        s, t = np.moveaxis(xi - cell, -1, 0)
+        nodes = ((0, 0), (0, 1), (1, 0), (1, 1))
+        at = (cell + np.array(nodes)[:, None, None]) * h + grid.origin
+        fixed = region.contains(at.reshape(-1, 2), 1e-9 * h.min()).reshape(4, *s.shape)
+        value = sum(np.abs(1 - i - s) * np.abs(1 - j - t) * of for (i, j), of in zip(nodes, fixed, strict=True))
+        held = np.max(value, axis=0)
     else:
         of_support = inside[transfer.stencil[beside]] & transfer.touched[beside]
         gradient = np.einsum("pn,pnk->pk", of_support, transfer.grad_N[beside])

@@ -140,7 +140,7 @@ def _contacts(points: MaterialPoints, among: Index, domain: Region | None) -> In
 def _pieces(points: MaterialPoints, incidence: sp.csr_array, domain: Region | None) -> tuple[Index, Index, Index]:
     """Node, point and piece of every entry of `incidence` (n, p), (k,) each: entries of one node are in one piece if
     contacts connect their points among the points of that node."""
-    node, point = incidence.nonzero()
+    node, point = np.repeat(np.arange(incidence.shape[0]), np.diff(incidence.indptr)), incidence.indices
     among, local = np.unique(point, return_inverse=True)
     pair = _contacts(points, among, domain)
     m = len(among)
@@ -148,10 +148,11 @@ def _pieces(points: MaterialPoints, incidence: sp.csr_array, domain: Region | No
     node, point, local = node[order], point[order], local[order]
     key = node * m + local
     # every node of the first point of each contact, and whether the second one is there, too
-    by_point = sp.csr_array((np.arange(len(key)), (local, node)), shape=(m, incidence.shape[0]))
-    start, many = by_point.indptr[pair[:, 0]], np.diff(by_point.indptr)[pair[:, 0]]
+    by_point = np.argsort(local, kind="stable")
+    count = np.bincount(local, minlength=m)
+    end, many = np.cumsum(count)[pair[:, 0]], count[pair[:, 0]]
     contact = np.repeat(np.arange(len(pair)), many)
-    entry = by_point.data[np.repeat(start - np.cumsum(many) + many, many) + np.arange(len(contact))]
+    entry = by_point[np.repeat(end - np.cumsum(many), many) + np.arange(len(contact))]
     wanted = node[entry] * m + pair[contact, 1]
     other = np.minimum(np.searchsorted(key, wanted), len(key) - 1)
     there = key[other] == wanted
