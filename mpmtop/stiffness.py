@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 
-from mpmtop.arrays import Array, Index, Mask
+from mpmtop.arrays import Array, Index, Mask, distinct
 from mpmtop.ghost import GhostPenalty
 from mpmtop.grid import Grid
 from mpmtop.points import MaterialPoints
@@ -146,7 +146,7 @@ def stiffness(
     springs = _spring_map(ties, unknown, m) if ties.spring.shape[0] > 0 else None
     if others or springs is not None:
         own = key
-        key = np.unique(np.concatenate([own, *(keys for keys, _ in (*others, *([springs] if springs else ())))]))
+        key = distinct(np.concatenate([own, *(keys for keys, _ in (*others, *([springs] if springs else ())))]))
         among = np.append(np.searchsorted(key, own), len(key))
         place, span = _in_blocks(among[cells.entry], len(key))
         cells = replace(cells, shape=(len(key), cells.shape[1]), place=place, span=span)

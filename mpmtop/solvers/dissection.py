@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mpmtop.arrays import Array, Index
+from mpmtop.arrays import Array, Index, distinct
 
 
 class Fronts(NamedTuple):
@@ -118,7 +118,7 @@ def _boundaries(front: Index, level: Index, one: Index, other: Index) -> tuple[I
     parent = np.full(f, f)
     found = []
     for k in range(depth, -1, -1):
-        keys = np.unique(np.concatenate(pending[k]))
+        keys = distinct(np.concatenate(pending[k]))
         found.append(keys)
         at, node = np.divmod(keys, n)
         head = np.flatnonzero(np.diff(at, prepend=-1))
