@@ -125,7 +125,8 @@ def discretise(
     Hencky's with the material's Poisson's ratio unless given; `alpha` is the part of E0 that the background has, 0 for
     none. `grid` is the box that the body must not leave, and replaces h; unless given it is the body's and half its
     longer side all around. `points` replaces the seeded points and ppc. The number of steps is part of the
-    discretisation: 8 and 16 are two problems.
+    discretisation: 8 and 16 are two problems. A support that is a line of nodes on the domain's edge holds those behind
+    it, too; a single node is a pin.
 
     Raises InvalidScene for what is not available in large deformation: plane stress, loads that no point carries, other
     shape functions than tent, gimp and bspline2; and for an argument that another one leaves without effect.
@@ -187,9 +188,10 @@ def _forces(body: Body, grid: Grid, points: MaterialPoints) -> Array:
 def _unknowns(body: Body, grid: Grid, shape_function: ShapeFunction) -> tuple[Index, Array]:
     """Unknown and sign of every degree of freedom of the box, see `Model`.
 
-    A B-spline is not zero where one line of nodes is: its supports hold the nodes beyond the domain's box, too, whose
-    nearest position of the box is held, and the first of them mirror those inside, u_-1 = -u_1. That is `bspline2` with
-    its end closed, u_-1 = 2 u_0 - u_1, and free of the body's place.
+    A clamp stated as a line of nodes on the domain's edge holds those behind it, too, see `_behind`. A B-spline is not
+    zero where one line of nodes is: its supports hold all nodes beyond the domain's box whose nearest position of the
+    box is held, and the first of them mirror those inside, u_-1 = -u_1. That is `bspline2` with its end closed,
+    u_-1 = 2 u_0 - u_1, and free of the body's place.
     """
     position, tol = grid.node_positions(), 1e-9 * min(grid.h)
     spline = shape_function is bspline2
@@ -204,6 +206,8 @@ def _unknowns(body: Body, grid: Grid, shape_function: ShapeFunction) -> tuple[In
                 f"the support from {at[0]} to {at[1]} holds no node of the box: move it onto the body"
             )
         held |= inside[:, None] & np.array(support.fixed)
+    if not spline:
+        held |= _behind(held.reshape(*grid.nodes, 2), grid, (lower, upper), tol).reshape(-1, 2)
     free = np.flatnonzero(~held.ravel())
     unknown, sign = np.full(held.size, -1), np.ones(held.size)
     unknown[free] = np.arange(len(free))
@@ -212,6 +216,26 @@ def _unknowns(body: Body, grid: Grid, shape_function: ShapeFunction) -> tuple[In
         of, as_ = _mirrored(held.reshape(*grid.nodes, 2), beyond.reshape(grid.nodes))
         unknown[of], sign[of] = unknown[as_], -1
     return unknown, sign
+
+
+def _behind(held: Mask, grid: Grid, box: tuple[Array, Array], tol: float) -> Mask:
+    """Nodes (nx, ny, 2) behind two or more neighbours `held` on a face of the domain's `box`.
+
+    No material is there at the start; where the body presses on its clamp, domains reach over it, and nodes free there
+    would let the clamp yield: the prototype's cantilever by a tenth of its deflection. Behind a single node they stay
+    free, and the body may turn about it.
+    """
+    found = np.zeros_like(held)
+    for axis in (0, 1):
+        lines, (H, found_here) = grid.lines[axis], (a.swapaxes(0, axis) for a in (held, found))
+        for face, side in zip((box[0][axis], box[1][axis]), (-1, 1), strict=True):
+            beyond = side * (lines - face) > tol
+            for row in H[np.abs(lines - face) <= tol]:
+                pair, line = row[1:] & row[:-1], np.zeros_like(row)
+                line[1:] |= pair
+                line[:-1] |= pair
+                found_here[beyond] |= line
+    return found
 
 
 def _mirrored(held: Mask, beyond: Mask) -> tuple[Index, Index]:

@@ -50,10 +50,7 @@ def load_steps(
     model: Model, moduli: Array, *, tol: float = TOLERANCE, polish: int = 0
 ) -> Iterator[tuple[State, Increment]]:
     """The load steps one by one: the state at the end of each and the increment to it. See `trajectory`."""
-    if np.shape(moduli) != (len(model.points.x),):
-        raise ValueError(f"moduli of shape {np.shape(moduli)} for {len(model.points.x)} points: give one for each")
-    if not np.all(np.isfinite(moduli)) or np.min(np.real(moduli)) < 0 or not np.any(moduli):
-        raise ValueError("point moduli must be finite, not negative and not all zero: check the densities")
+    moduli = _checked(model, moduli)
     _check_carriers(model, moduli)
     state = start(model, moduli.dtype.type)
     for n, level in enumerate(model.levels):
@@ -73,8 +70,20 @@ def trajectory(model: Model, moduli: Array, *, tol: float = TOLERANCE, polish: i
     Raises NotConverged, UnsupportedBody and PointOutsideGrid with step and place, and LoadOutsideBody where void
     carries the load.
     """
+    moduli = _checked(model, moduli)
     states, increments = zip(*load_steps(model, moduli, tol=tol, polish=polish), strict=True)
     return Trajectory(moduli, (start(model, moduli.dtype.type), *states), increments)
+
+
+def _checked(model: Model, moduli: Array) -> Array:
+    """Moduli (p,) that are numbers of full precision: the state takes their type."""
+    moduli = np.asarray(moduli)
+    if moduli.shape != (len(model.points.x),):
+        raise ValueError(f"moduli of shape {moduli.shape} for {len(model.points.x)} points: give one for each")
+    moduli = moduli.astype(complex if np.iscomplexobj(moduli) else float)
+    if not np.all(np.isfinite(moduli)) or np.min(moduli.real) < 0 or not np.any(moduli):
+        raise ValueError("point moduli must be finite, not negative and not all zero: check the densities")
+    return moduli
 
 
 def _check_carriers(model: Model, moduli: Array) -> None:

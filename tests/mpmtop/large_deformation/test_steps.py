@@ -177,6 +177,18 @@ def test_load_in_parts_is_the_same_problem(monkeypatch: pytest.MonkeyPatch) -> N
     np.testing.assert_allclose(parts.states[-1].x, whole.states[-1].x, atol=1e-8)
 
 
+@pytest.mark.parametrize(
+    "of", [lambda E: E.astype(int), lambda E: E.astype(np.float32), list], ids=["int", "32", "list"]
+)
+def test_moduli_of_any_type_are_numbers(of) -> None:  # type: ignore[no-untyped-def]
+    """Whole ones must not make whole positions."""
+    body = model(METHODS["GIMP"], steps=2)
+    expected = trajectory(body, np.ones(200)).states[-1].x
+    np.testing.assert_array_equal(trajectory(body, of(np.ones(200))).states[-1].x, expected)
+    for state, _ in islice(load_steps(body, of(np.ones(200))), 1, None):
+        np.testing.assert_array_equal(state.x, expected)
+
+
 def test_steps_one_by_one_are_the_trajectory() -> None:
     body = model(METHODS["GIMP"], steps=3)
     path = trajectory(body, moduli())
