@@ -4,7 +4,7 @@ What is stated, of either solver:
     region          Rectangle, Circle, Polygon, HalfPlane, LevelSet, Union, Intersection, Difference
     curves, outline what bounds them, to act on
     loads           PointLoad, RegionLoad, PositionLoad; Traction, Pressure; BodyForce, Weight
-    body            Body(domain, supports, loads, material), Material; Support, EdgeSupport, Spring
+    body            Body(domain, supports, loads, material, parts), Material, Part; Support, EdgeSupport, Spring
     design          Design(volume_fraction, filter_radius, penal, contrast, rho_min, passive_solid, passive_void, ...),
                     Projection, Mirror: the last two of its fields
     criteria        Compliance, PNormStress, Volume, Displacement; AtMost, AtLeast, Worst;
@@ -48,6 +48,7 @@ if TYPE_CHECKING:
     from mpmtop.body import Body as Body
     from mpmtop.body import EdgeSupport as EdgeSupport
     from mpmtop.body import Material as Material
+    from mpmtop.body import Part as Part
     from mpmtop.body import Spring as Spring
     from mpmtop.body import Support as Support
     from mpmtop.criteria import AtLeast as AtLeast
@@ -98,7 +99,7 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 _FROM = {
-    "body": ("Body", "EdgeSupport", "Material", "Spring", "Support"),
+    "body": ("Body", "EdgeSupport", "Material", "Part", "Spring", "Support"),
     "design": ("Design", "Mirror", "Projection"),
     "loads": ("BodyForce", "PointLoad", "PositionLoad", "Pressure", "RegionLoad", "Traction", "Weight"),
     "model": ("discretise",),

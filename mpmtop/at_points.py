@@ -43,8 +43,7 @@ def fields_at_points(model: Model, state: Equilibrium, rho: Array) -> Fields:
     sigma_zz = nu (sigma_xx + sigma_yy) in plane strain, eps_zz = -nu / (1 - nu) (eps_xx + eps_yy) in plane stress.
     """
     where = replace(layout_of_points(model), load=state.f_ext.reshape(-1, 2))
-    material = model.body.material
-    nu, strained = material.poisson, material.plane == "strain"
+    nu, strained = model.elastic.poisson, model.elastic.plane == "strain"
     stress = model.stress(state.moduli, state.strain)
     tensor_strain = state.strain * [1, 1, 0.5]
     trace = tensor_strain[:, 0] + tensor_strain[:, 1]
@@ -59,6 +58,7 @@ def fields_at_points(model: Model, state: Equilibrium, rho: Array) -> Fields:
     return Fields(
         layout=where,
         density=rho,
+        young=state.moduli,
         displacement=moved,
         corner_displacement=moved[:, None] + np.einsum("pab,pcb->pca", grad, arm),
         strain=tensor(tensor_strain, np.zeros_like(trace) if strained else -nu / (1 - nu) * trace),

@@ -37,6 +37,32 @@ class Material:
 
 
 @dataclass(frozen=True)
+class Part:
+    """What lies in `region` is of a `material` of its own, not of the body's: a layer, an inclusion, a weld.
+
+    A material point or an element is of the part that holds its centre. Parts may touch, and what lies on the edge
+    between two is of the first; they must not overlap.
+    """
+
+    region: Region
+    material: Material
+
+    def __post_init__(self) -> None:
+        check_region("the region of a part", self.region)
+        if not isinstance(self.material, Material):
+            raise InvalidScene(f"material {self.material!r} of a part: give a Material(young, poisson, plane)")
+
+
+@dataclass(frozen=True, eq=False)
+class Elastic:
+    """Young's modulus E0 and Poisson's ratio at n places: each a number where it is the same everywhere, else (n,)."""
+
+    young: float | Array
+    poisson: float | Array
+    plane: Literal["strain", "stress"]
+
+
+@dataclass(frozen=True)
 class Support:
     """Every node in `region` is held in the components marked in `fixed` (x, y), true or false, or 1 or 0, at the
     `displacement` (2,) [length], zero unless given.
@@ -118,7 +144,7 @@ def _direction(of: str, value: Any) -> tuple[float, float]:
 
 @dataclass(frozen=True)
 class Body:
-    """Material in a domain, held by supports and pulled by loads.
+    """Material in a domain, held by supports and pulled by loads; `parts` of it may be of other materials.
 
     Loads may be left out where an analysis is given its nodal forces.
     """
@@ -127,6 +153,7 @@ class Body:
     supports: tuple[Support | EdgeSupport | Spring, ...]
     loads: tuple[Load, ...] = ()
     material: Material = field(default_factory=Material)
+    parts: tuple[Part, ...] = ()
 
     def __post_init__(self) -> None:
         check_region("the domain", self.domain)
@@ -134,10 +161,20 @@ class Body:
         if not (np.all(np.isfinite([lower, upper])) and np.all(upper > lower)):
             raise EmptyDomain(f"the domain spans {lower} to {upper}: give it a finite, positive area")
         if not isinstance(self.material, Material):
-            raise InvalidScene(f"material {self.material!r}: give one Material for all of the body")
-        for name, parts in (("supports", self.supports), ("loads", self.loads)):
-            if not isinstance(parts, tuple):
+            raise InvalidScene(
+                f"material {self.material!r}: give one Material for the body, and `parts` for what is of another"
+            )
+        for name, given in (("supports", self.supports), ("loads", self.loads), ("parts", self.parts)):
+            if not isinstance(given, tuple):
                 raise InvalidScene(f"{name} of a body: give a tuple, with a comma after a single one")
+        for part in self.parts:
+            if not isinstance(part, Part):
+                raise InvalidScene(f"part {part!r}: give a `Part(region, material)`")
+            if part.material.plane != self.material.plane:
+                raise InvalidScene(
+                    f"a part in plane {part.material.plane} of a body in plane {self.material.plane}: a body is as "
+                    "thick everywhere, let all of its materials be in plane strain or all in plane stress"
+                )
         if not self.supports:
             raise UnsupportedBody("the body has no support: add one")
         for support in self.supports:
@@ -174,9 +211,46 @@ class Body:
         return any(any(support.displacement) for support in self.held)
 
 
+def elastic(body: Body, x: Array, of: str) -> Elastic:
+    """Elastic constants at x (n, 2), the centres of points or elements, which `of` names.
+
+    InvalidScene for parts that overlap, and for one that holds none of the centres.
+    """
+    own = body.material
+    if not body.parts:
+        return Elastic(own.young, own.poisson, own.plane)
+    lower, upper = body.domain.bounds
+    tol = 1e-9 * float(np.max(upper - lower))
+    held, inside = (np.array([part.region.contains(x, by) for part in body.parts]) for by in (tol, -tol))
+    for k, part in enumerate(body.parts):
+        if not np.any(held[k]):
+            start, end = (corner.tolist() for corner in part.region.bounds)
+            raise InvalidScene(
+                f"part {k}, from {start} to {end}, holds the centre of no {of}: move it onto the body, or use smaller "
+                "ones"
+            )
+    both = np.flatnonzero((held.sum(axis=0) > 1) & inside.any(axis=0))
+    if len(both):
+        first, second = np.flatnonzero(held[:, both[0]])[:2]
+        raise InvalidScene(
+            f"parts {first} and {second} both hold {len(both)} of the {of}s, the first at {x[both[0]]}: take one "
+            "region out of the other (`Difference`)"
+        )
+    number = np.where(held.any(axis=0), held.argmax(axis=0), len(body.parts))
+    materials = (*(part.material for part in body.parts), own)
+    young, poisson = (np.array([getattr(each, name) for each in materials])[number] for name in ("young", "poisson"))
+    return Elastic(_one_or_each(young), _one_or_each(poisson), own.plane)
+
+
+def _one_or_each(values: Array) -> float | Array:
+    return float(values[0]) if np.all(values == values[0]) else values
+
+
 def check_load_steps(body: Body, x: Array, volume: Array, tol: float) -> None:
-    """InvalidScene for what load steps do not have: supports other than nodes that stay where they are, and loads along
-    the outline or by volume. Arguments as for `Load.act`."""
+    """InvalidScene for what load steps do not have: supports other than nodes that stay where they are, loads along the
+    outline or by volume, and several materials. Arguments as for `Load.act`."""
+    if body.parts:
+        raise InvalidScene("parts of another material are of small strain: in large deformation leave out `parts`")
     if body.springs or body.edges or body.is_displaced:
         raise InvalidScene(
             "springs, supports along the outline and prescribed displacements are of small strain: in large "

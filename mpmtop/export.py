@@ -42,10 +42,11 @@ Passed = TypeVar("Passed", bound=Step)
 def write_points(path: Path | str, model: Any, state: Any, rho: Array) -> None:
     """A design of either solver: each material point as the rectangle it stands for, or each element.
 
-    Of each cell: `density`, `displacement`, `stress` and `strain` as symmetric tensors (xx, yy, zz, xy, yz, xz), the
-    strain with half the engineering shear; `sigma_zz`; `von_mises`, with sigma_zz, and `von_mises_in_plane`, without;
-    `position`, `half_length` and `volume`. Stresses are those of the penalised material. Corners have a `displacement`,
-    for "warp by vector". Raises ValueError, which names the field, if a number is not finite, and writes nothing.
+    Of each cell: `density`, `young`, the modulus E(rho), `displacement`, `stress` and `strain` as symmetric tensors
+    (xx, yy, zz, xy, yz, xz), the strain with half the engineering shear; `sigma_zz`; `von_mises`, with sigma_zz, and
+    `von_mises_in_plane`, without; `position`, `half_length` and `volume`. Stresses are those of the penalised material.
+    Corners have a `displacement`, for "warp by vector". Raises ValueError, which names the field, if a number is not
+    finite, and writes nothing.
     """
     at = fields(model, state, rho)
     where = at.layout
@@ -60,6 +61,7 @@ def write_points(path: Path | str, model: Any, state: Any, rho: Array) -> None:
                 name: [values]
                 for name, values in {
                     "density": at.density,
+                    "young": at.young,
                     "displacement": _in_space(at.displacement),
                     "stress": _symmetric(at.stress),
                     "strain": _symmetric(at.strain),

@@ -41,12 +41,14 @@ class Layout:
 class Fields:
     """An analysed design: at c cells, at their corners (c, 4), and at n nodes.
 
+    `young` (c,) is the modulus E(rho) of what the cell is made of, penalised by its density.
     `reaction` (n, 2) is what the supports exert, zero at free components: f_int - f_ext where held, a ghost penalty's
     part of f_int included. Its sum is minus that of the loads.
     """
 
     layout: Layout
     density: Array
+    young: Array
     displacement: Array
     corner_displacement: Array
     strain: Array
@@ -81,6 +83,7 @@ def von_mises_in_plane(stress: Array) -> Array:
 
 SCALARS: dict[str, tuple[str, Callable[[Fields], Array]]] = {
     "density": ("density", lambda f: f.density),
+    "young": (r"Young's modulus $E(\rho)$", lambda f: f.young),
     "displacement": ("displacement |u|", lambda f: np.hypot(*f.displacement.T)),
     "displacement_x": ("displacement u_x", lambda f: f.displacement[:, 0]),
     "displacement_y": ("displacement u_y", lambda f: f.displacement[:, 1]),

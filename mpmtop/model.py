@@ -10,14 +10,14 @@ import numpy as np
 
 from mpmtop.arrays import Array, Mask
 from mpmtop.b_bar import with_mean_dilatation
-from mpmtop.body import Body, Support
+from mpmtop.body import Body, Elastic, Support, elastic
 from mpmtop.diagnose import ModelWarning, findings
 from mpmtop.errors import InvalidScene, UnsupportedBody
 from mpmtop.forces import Forces, external_force
 from mpmtop.ghost import GhostPenalty, ghost_penalty
 from mpmtop.grid import Grid
 from mpmtop.loads import Load, check_work
-from mpmtop.material import tangent
+from mpmtop.material import by_material, tangent
 from mpmtop.points import MaterialPoints, seed
 from mpmtop.region import Region, divisions
 from mpmtop.shape_functions import Ends, ShapeFunction, tent
@@ -59,9 +59,14 @@ class Model:
             raise InvalidScene("the stiffness was made of another material: discretise the body anew")
 
     @cached_property
+    def elastic(self) -> Elastic:
+        """Elastic constants of the solid at the points."""
+        return elastic(self.body, self.points.x, "material point")
+
+    @cached_property
     def D(self) -> Array:
-        """Elastic tangent at unit modulus (3, 3)."""
-        return tangent(self.body.material)
+        """Elastic tangent at unit modulus (3, 3), or (p, 3, 3) where Poisson's ratio differs."""
+        return tangent(self.elastic)
 
     @cached_property
     def forces(self) -> Forces:
@@ -102,7 +107,7 @@ class Model:
 
     def work(self, v: Array, strain_v: Array, u: Array, strain_u: Array) -> Array:
         """v . dK/dE_p u (p,) = V_p eps_p(v) . D eps_p(u), and the parts of ghost penalty and edges."""
-        energy = strain_v @ self.D
+        energy = by_material(strain_v, self.D)
         energy *= strain_u
         by_points = self.points.volume * np.sum(energy, axis=1)
         return sum((part.work(v, u) for part in self._beside), start=by_points)
@@ -123,7 +128,7 @@ class Model:
 
     def stress(self, moduli: Array, strain: Array) -> Array:
         """Stresses (p, 3), Voigt, at the points with Young's moduli (p,): sigma_p = E_p D eps_p."""
-        return moduli[:, None] * (strain @ self.D)
+        return moduli[:, None] * by_material(strain, self.D)
 
     def internal_force(self, stress: Array) -> Array:
         """f_int = sum_p V_p B_p^T sigma_p, (2a,), of the points; a ghost penalty adds its own `force`."""
@@ -173,7 +178,7 @@ def discretise(
             raise InvalidScene("b_bar: plane stress does not lock, and B-bar only makes it softer; leave it off")
         weighted = with_mean_dilatation(grid, points, weighted)
     held = held_dofs(body.held, grid.node_positions(weighted.nodes), 1e-9 * min(grid.h))
-    D = tangent(body.material)
+    D = tangent(elastic(body, points.x, "material point"))
     ties = tie(body, grid, points, weighted, shape_function, ends, D)
     K = stiffness(grid, points, weighted, D, held, penalty, ties)
     chosen = solver(_pattern(grid, weighted, K))

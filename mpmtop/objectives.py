@@ -23,7 +23,7 @@ from mpmtop.criteria import (
     check_sensitivity,
 )
 from mpmtop.equilibrium import Derivative, Equilibrium
-from mpmtop.material import von_mises, von_mises_form
+from mpmtop.material import by_material, von_mises, von_mises_form
 from mpmtop.model import Model
 
 STRESS_TOLERANCE = 1e-8
@@ -86,8 +86,8 @@ def objective(stated: Criterion, model: Model, volume_share: Array) -> Objective
 def response(model: Model, state: Equilibrium, rho: Array) -> Response:
     """What a criterion of one's own sees, at the material points."""
     points = model.points
-    stress = model.body.material.young * (state.strain @ model.D)
-    return Response(points.x, points.volume, rho, model.transfer.interpolate(state.u), state.strain, stress)
+    displacement = model.transfer.interpolate(state.u)
+    return Response(points.x, points.volume, rho, displacement, state.strain, _solid_stress(model, state))
 
 
 def _own_derivative(stated: OwnCriterion, model: Model, state: Equilibrium, rho: Array) -> Derivative:
@@ -104,7 +104,8 @@ def _own_derivative(stated: OwnCriterion, model: Model, state: Equilibrium, rho:
     if by.strain is not None:
         by_u += model.transfer.B.T @ np.ravel(by.strain)
     if by.stress is not None:
-        by_u += model.body.material.young * (model.transfer.B.T @ (by.stress @ model.D).ravel())
+        by_strain = by_material(by.stress, model.D)
+        by_u += model.transfer.B.T @ (np.reshape(model.elastic.young, (-1, 1)) * by_strain).ravel()
     return Derivative(by.rho, by_u if np.any(by_u) else None)
 
 
@@ -165,10 +166,9 @@ def p_norm_stress_derivative(
     if J == 0:
         return Derivative(explicit)
     w = weight * (s / J) ** (p - 1)
-    by_stress = stress @ von_mises_form(model.body.material, measure)  # vm dvm/dsigma
+    by_stress = by_material(stress, von_mises_form(model.elastic, measure))  # vm dvm/dsigma
     direction = np.divide(by_stress, vm[:, None], out=np.zeros_like(by_stress), where=vm[:, None] > 0)
-    E0 = model.body.material.young
-    by_strain = (w * rho**q * E0)[:, None] * (direction @ model.D)
+    by_strain = (w * rho**q * model.elastic.young)[:, None] * by_material(direction, model.D)
     return Derivative(explicit, model.transfer.B.T @ by_strain.ravel(), scale=J)
 
 
@@ -197,8 +197,13 @@ def _by_density(rho: Array, vm: Array, J: float, p: float, q: float, weight: Arr
 
 def _solid_von_mises(model: Model, state: Equilibrium, measure: StressMeasure) -> tuple[Array, Array]:
     """Stress (p, 3) and von Mises stress (p,) of solid material under the strains of the state."""
-    stress = model.body.material.young * (state.strain @ model.D)
-    return stress, von_mises(stress, model.body.material, measure)
+    stress = _solid_stress(model, state)
+    return stress, von_mises(stress, model.elastic, measure)
+
+
+def _solid_stress(model: Model, state: Equilibrium) -> Array:
+    """E0 D eps (p, 3)."""
+    return np.reshape(model.elastic.young, (-1, 1)) * by_material(state.strain, model.D)
 
 
 def _p_norm(s: Array, p: float, weight: Array | float) -> float:

@@ -29,6 +29,7 @@ def plan(problem: DesignProblem) -> str:
         f"{np.count_nonzero(touched <= 4)} of {p} points need no more than the 4 of their own cell",
         f"loads: {_load_plan(model)}",
         *_support_plan(model),
+        *_material_plan(model),
         f"dilatation: {'of each point' if model.transfer.b_bar is None else 'averaged over each cell (B-bar)'}",
         f"ghost faces: {_ghost_plan(model)}",
         f"stiffness: {len(model.stiffness.row)} entries of the lower triangle, {_stiffness_plan(model)}",
@@ -59,6 +60,17 @@ def _support_plan(model: Model) -> list[str]:
         if count
     ]
     return [f"supports: {'; '.join(parts)}"] if parts else []
+
+
+def _material_plan(model: Model) -> list[str]:
+    """How many points are of which material, where there are several."""
+    if not model.body.parts:
+        return []
+    count = len(model.points.x)
+    constants = np.column_stack([np.broadcast_to(c, count) for c in (model.elastic.young, model.elastic.poisson)])
+    kinds, points = np.unique(constants, axis=0, return_counts=True)
+    each = "; ".join(f"{n} points of E0 = {E:g}, nu = {nu:g}" for (E, nu), n in zip(kinds, points, strict=True))
+    return [f"materials: {each}"]
 
 
 def _adjoint_plan(solves: int) -> str:

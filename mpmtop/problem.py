@@ -180,7 +180,8 @@ class DesignProblem(DesignVariables):
         processor is not among them.
         """
         model, design, grid_points, space = self.model, self.design, self.grid_points, self.space
-        law = (model.body.material.young, design.penal, design.contrast, design.volume_fraction, design.rho_min)
+        young = np.ravel(model.elastic.young)
+        law = (float(young[0]), design.penal, design.contrast, design.volume_fraction, design.rho_min)
         passive = None if space.all_active else self.filter_passive
         said = (
             *(
@@ -213,6 +214,7 @@ class DesignProblem(DesignVariables):
             *(model.points.volume, transfer.grad_N[touched], model.D, model.f_ext),
             *(model.grid.cell_coordinates(grid_points.x), grid_points.volume),
             *(() if transfer.b_bar is None else (transfer.b_bar[touched],)),
+            *(() if len(young) == 1 else (young,)),
             *(matrix.data for matrix in sparse),
             *(case.prescribed for case in self.models if case.prescribed is not None),
             *(force for case in self.models[1:] for force in (case.f_ext,)),
@@ -234,7 +236,7 @@ class DesignProblem(DesignVariables):
 
     def _analyse(self, rho: Array, filtered: Array | None) -> Evaluation:
         rho = physical_densities(rho, len(self.model.points.volume), "point")
-        moduli = self.model.body.material.young * simp(rho, self.design.penal, self.design.contrast)[0]
+        moduli = self.model.elastic.young * simp(rho, self.design.penal, self.design.contrast)[0]
         tol = min(self.model.solver.tolerance, *(functional.tolerance for functional in self.functionals))
         found = states(self.models, moduli, rho, tol)
         objectives, others = (
@@ -289,7 +291,7 @@ class DesignProblem(DesignVariables):
                 by_load = load_gradient(model, state, found)
                 explicit = explicit if by_load is None else explicit + factor * by_load
         slope = simp(rho, self.design.penal, self.design.contrast)[1]
-        return explicit + by_moduli * self.model.body.material.young * slope
+        return explicit + by_moduli * self.model.elastic.young * slope
 
 
 def design_problem(

@@ -91,7 +91,8 @@ class Stiffness:
 
     `dof` (m,) is the degree of freedom (2 node + component, see `Transfer`) of each unknown; `row` >= `col` (nnz,) the
     pattern, exact zeros included, sorted by column; `maps` turn moduli (p,) into entries (nnz,), which add up, and
-    springs add a `constant` (nnz,). `D` (3, 3) is the tangent at unit modulus that they were made of.
+    springs add a `constant` (nnz,). `D` is the tangent at unit modulus that they were made of, (3, 3) or
+    (p, 3, 3).
     """
 
     dof: Index
@@ -129,7 +130,8 @@ def narrow_order(grid: Grid, transfer: Transfer) -> Index:
 def stiffness(
     grid: Grid, points: MaterialPoints, transfer: Transfer, D: Array, held: Mask, ghost: GhostPenalty, ties: Ties
 ) -> Stiffness:
-    """Pattern and map of K, with tangent D (3, 3) at unit modulus and the `held` (2a,) degrees of freedom left out."""
+    """Pattern and map of K, with tangent D (3, 3) or (p, 3, 3) at unit modulus, without the `held` (2a,) degrees of
+    freedom."""
     order = narrow_order(grid, transfer)
     dof = (2 * order[:, None] + np.arange(2)).ravel()
     dof = dof[~held[dof]]
@@ -156,8 +158,9 @@ def stiffness(
 
 
 def _local(grad_N: Array, b_bar: Array | None, volume: Array, D: Array) -> Array:
-    """V_p B_p^T D B_p, (p, 2n, 2n), of points with gradients (p, n, 2), and B-bar's part (p, n, 2) of them if any."""
-    strain = local_B(grad_N, b_bar).reshape(len(grad_N), len(D), -1)
+    """V_p B_p^T D B_p, (p, 2n, 2n), of points with gradients (p, n, 2), and B-bar's part (p, n, 2) of them if any, for
+    one tangent D (3, 3) or those of the points (p, 3, 3)."""
+    strain = local_B(grad_N, b_bar).reshape(len(grad_N), D.shape[-1], -1)
     return np.einsum("pai,pab,pbj->pij", strain, volume[:, None, None] * D, strain, optimize=True)
 
 
@@ -183,12 +186,13 @@ def _cell_map(
     first = transfer.stencil[np.arange(p), np.argmax(transfer.touched, axis=1)]
     pattern = transfer.touched @ (1 << np.arange(n))
     _, of_cell, cell = np.unique(first << n | pattern, return_index=True, return_inverse=True)
-    kind_point, kind = _kinds(grid, points, transfer)
+    kind_point, kind = _kinds(grid, points, transfer, D)
 
     a, b = np.tril_indices(2 * n_max)
     of_kind = kind_point[:, None], used[kind_point]
     b_bar = None if transfer.b_bar is None else transfer.b_bar[of_kind]
-    local = _local(transfer.grad_N[of_kind], b_bar, points.volume[kind_point], D)[:, a, b]
+    of_points = D if D.ndim == 2 else D[kind_point]
+    local = _local(transfer.grad_N[of_kind], b_bar, points.volume[kind_point], of_points)[:, a, b]
     nodes = of_cell[:, None], used[of_cell]
     local_unknown = _local_unknown(transfer.stencil[nodes], transfer.touched[nodes], unknown)
     one, other = local_unknown[:, a], local_unknown[:, b]
@@ -219,7 +223,7 @@ def _in_blocks(entry: Index, nnz: int) -> tuple[Index, Index]:
     return np.minimum(entry, end) - first, span
 
 
-def _kinds(grid: Grid, points: MaterialPoints, transfer: Transfer) -> tuple[Index, Index]:
+def _kinds(grid: Grid, points: MaterialPoints, transfer: Transfer, D: Array) -> tuple[Index, Index]:
     """One point (k,) of each kind, and the kind (p,) of every point: what its local matrix depends on is ALIKE.
 
     Kinds are told apart by one number, a sum with random weights, and compared in full afterwards; if two of a kind do
@@ -230,6 +234,8 @@ def _kinds(grid: Grid, points: MaterialPoints, transfer: Transfer) -> tuple[Inde
     parts = [(transfer.grad_N * grid.h).reshape(p, -1), points.volume[:, None] / np.prod(grid.h), transfer.touched]
     if transfer.b_bar is not None:
         parts.append((transfer.b_bar * grid.h).reshape(p, -1))
+    if D.ndim == 3:
+        parts.append(D.reshape(p, -1))
     features = np.concatenate(parts, axis=1)
     weights = np.random.default_rng(0).uniform(0.5, 1, features.shape[1])
     _, first, kind = np.unique(np.rint(features @ (weights / ALIKE)), return_index=True, return_inverse=True)

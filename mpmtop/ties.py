@@ -79,7 +79,7 @@ def tie(
     ends: tuple[Ends, Ends],
     D: Array,
 ) -> Ties:
-    """Ties of a body, with tangent D (3, 3) at unit modulus.
+    """Ties of a body, with tangent D (3, 3) or (p, 3, 3) at unit modulus.
 
     UnsupportedBody for an edge support without boundary, LoadOutsideBody for a spring where there is no material.
     """
@@ -101,8 +101,9 @@ def tie(
         # of points as near as each other the lower left one
         point = cKDTree(points.x).query(on.x - np.multiply(ASIDE, grid.h))[1]
         length = np.bincount(point, on.length, p)
-        alpha = BOUND * (D[0, 0] + D[0, 1]) * (length / points.volume)[point]
-        traction = _traction(on.normal, D, transfer.B, point)
+        here = D if D.ndim == 2 else D[point]
+        alpha = BOUND * (here[..., 0, 0] + here[..., 0, 1]) * (length / points.volume)[point]
+        traction = _traction(on.normal, here, transfer.B, point)
         root = np.sqrt(on.length)[:, None]
         for d in support.directions(on.normal):
             hold.append(_along(root * d, *_components(at.N)))
@@ -129,9 +130,16 @@ def _components(N: sp.csr_array) -> tuple[sp.csr_array, sp.csr_array]:
 
 
 def _traction(normal: Array, D: Array, B: sp.csr_array, point: Index) -> tuple[sp.csr_array, sp.csr_array]:
-    """Rows (k, 2a) of the traction n . sigma at unit modulus, along x and along y, under the strains of points (k,)."""
+    """Rows (k, 2a) of the traction n . sigma at unit modulus, along x and along y, under the strains of points (k,).
+
+    The tangent D is (3, 3), or (k, 3, 3) of these points.
+    """
     strain = [B[3 * point + v] for v in range(3)]
-    xx, yy, xy = (sum((D[v, w] * strain[w] for w in range(1, 3)), start=D[v, 0] * strain[0]) for v in range(3))
+
+    def part(v: int, w: int) -> sp.csr_array:
+        return D[v, w] * strain[w] if D.ndim == 2 else sp.csr_array(sp.diags_array(D[:, v, w]) @ strain[w])
+
+    xx, yy, xy = (sum((part(v, w) for w in range(1, 3)), start=part(v, 0)) for v in range(3))
     x, y = (sp.diags_array(normal[:, k]) for k in (0, 1))
     return x @ xx + y @ xy, x @ xy + y @ yy
 

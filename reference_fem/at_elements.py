@@ -35,7 +35,7 @@ def fields_at_elements(model: FemModel, state: State, rho: Array) -> Fields:
     basis, u = model.basis, state.u
     load = model.force(rho)
     where = replace(layout_of_elements(model), load=np.stack([load[dofs] for dofs in basis.split_indices()], axis=1))
-    nu, strained = model.body.material.poisson, model.body.material.plane == "strain"
+    nu, strained = model.elastic.poisson, model.elastic.plane == "strain"
     strain = (strain_operator(model) @ u).reshape(-1, 3) * [1, 1, 0.5]
     trace = strain[:, 0] + strain[:, 1]
     element = basis.element_dofs.T
@@ -50,6 +50,7 @@ def fields_at_elements(model: FemModel, state: State, rho: Array) -> Fields:
     return Fields(
         layout=where,
         density=rho,
+        young=state.moduli,
         displacement=np.asarray(basis.interpolate(u))[:, :, 0].T,
         corner_displacement=corner.transpose(2, 1, 0),
         strain=tensor(strain, np.zeros_like(trace) if strained else -nu / (1 - nu) * trace),

@@ -6,6 +6,7 @@ checked by its residual. Stresses are ordered (xx, yy, xy, zz) on the last axis.
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -15,7 +16,7 @@ from skfem.models.elasticity import linear_elasticity, linear_stress
 from skfem.quadrature import get_quadrature
 
 from mpmtop.arrays import Array, Index
-from mpmtop.body import Body, Material
+from mpmtop.body import Body, Elastic, elastic
 from mpmtop.criteria import StressMeasure
 from mpmtop.errors import InvalidScene, NotConverged
 from mpmtop.loads import action, check_work
@@ -52,8 +53,9 @@ class FemModel:
     basis       scikit-fem basis whose only quadrature point is the element centre
     centres     (e, 2) element centres [length]
     area        (e,) element areas [length^2]
+    elastic     elastic constants of solid elements
     free        (n,) free dofs in order of elimination
-    matrices    (s, d, d) stiffness at unit modulus of each distinct element shape
+    matrices    (s, d, d) stiffness at unit modulus of each distinct element shape and Poisson's ratio
     shape       (e,) which of them an element has
     f_ext       (N,) load vector [force], but for loads that follow the density
     weight      (N, e) these by the density of each element, None if there is none
@@ -67,6 +69,7 @@ class FemModel:
     basis: CellBasis
     centres: Array
     area: Array
+    elastic: Elastic
     free: Index
     matrices: Array
     shape: Index
@@ -164,14 +167,17 @@ def fem_model(
     unordered = np.flatnonzero(~held)
     order, factorise = eliminate(basis, unordered)
     free = unordered[order]
-    matrices, shape = unit_stiffness(basis, body.material)
-    ties = tie(body, basis, kind, *lame(body.material))
+    centres = element_centres(basis.mesh)
+    constants = elastic(body, centres, "element")
+    matrices, shape = unit_stiffness(basis, constants)
+    ties = tie(body, basis, kind, *lame(constants))
     number = numbering(basis.N, free)
     return FemModel(
         body=body,
         basis=basis,
-        centres=element_centres(basis.mesh),
+        centres=centres,
         area=basis.dx.sum(axis=1),
+        elastic=constants,
         free=free,
         matrices=matrices,
         shape=shape,
@@ -186,31 +192,34 @@ def fem_model(
     )
 
 
-def unit_stiffness(basis: CellBasis, material: Material) -> tuple[Array, Index]:
+def unit_stiffness(basis: CellBasis, constants: Elastic) -> tuple[Array, Index]:
     """Element stiffness at unit modulus (s, d, d) of the s distinct element shapes, and which one each has (e,).
 
-    Elements that are translates of each other have equal matrices: one of them is integrated, by the Gauss rule that
-    is exact on parallelograms (2 x 2 bilinear, 3 x 3 biquadratic). On other quads the integrand is a ratio of
-    polynomials and no rule is exact. This one still integrates the area and B, the strain over it, exactly, so that
-    constant stress is reproduced, which is what convergence takes.
+    Elements of one Poisson's ratio that are translates of each other have equal matrices: one of them is integrated,
+    by the Gauss rule that is exact on parallelograms (2 x 2 bilinear, 3 x 3 biquadratic). On other quads the integrand
+    is a ratio of polynomials and no rule is exact. This one still integrates the area and B, the strain over it,
+    exactly, so that constant stress is reproduced, which is what convergence takes.
     """
     corners = basis.mesh.p[:, basis.mesh.t]
     edges = (corners[:, 1:] - corners[:, :1]).reshape(6, -1).T
-    _, first, shape = np.unique(
-        np.rint(edges / (GEOMETRY_TOLERANCE * np.abs(edges).max())), axis=0, return_index=True, return_inverse=True
-    )
+    told = np.rint(edges / (GEOMETRY_TOLERANCE * np.abs(edges).max()))
+    several = np.ndim(constants.poisson) > 0
+    if several:
+        told = np.column_stack([told, constants.poisson])
+    _, first, shape = np.unique(told, axis=0, return_index=True, return_inverse=True)
     exact = CellBasis(basis.mesh, basis.elem, intorder=basis.elem.maxdeg, elements=first, dofs=basis.dofs)
-    return linear_elasticity(*lame(material)).coo_data(exact).tolocal(), shape.ravel()
+    lam, mu = (c[first, None] if several else c for c in lame(constants))
+    return linear_elasticity(lam, mu).coo_data(exact).tolocal(), shape.ravel()
 
 
-def lame(material: Material) -> tuple[float, float]:
-    """Lamé parameters (lambda, mu) at unit modulus, mu = 1 / (2 (1 + nu)).
+def lame(constants: Elastic) -> tuple[Any, Any]:
+    """Lamé parameters (lambda, mu) at unit modulus, mu = 1 / (2 (1 + nu)): numbers, or (e,) where Poisson's ratio is.
 
     lambda = nu / ((1 + nu)(1 - 2 nu)) in plane strain; in plane stress, sigma_zz = 0 leaves the law of the plane with
     2 lambda mu / (lambda + 2 mu) = nu / (1 - nu^2) in its place.
     """
-    nu = material.poisson
-    lam = nu / ((1 + nu) * (1 - 2 * nu)) if material.plane == "strain" else nu / (1 - nu**2)
+    nu = constants.poisson
+    lam = nu / ((1 + nu) * (1 - 2 * nu)) if constants.plane == "strain" else nu / (1 - nu**2)
     return lam, 1 / (2 * (1 + nu))
 
 
@@ -281,8 +290,10 @@ def stress(model: FemModel, u: Array, young: Array, reference: Array = ELEMENT_C
     nu (sigma_xx + sigma_yy) in plane strain and zero in plane stress.
     """
     basis = basis_at(model, reference)
-    plane = linear_stress(*lame(model.body.material))(sym_grad(basis.interpolate(u))) * young[:, None]
-    zz = model.body.material.poisson * (plane[0, 0] + plane[1, 1]) * (model.body.material.plane == "strain")
+    lam, mu = (np.reshape(c, (-1, 1)) for c in lame(model.elastic))
+    plane = linear_stress(lam, mu)(sym_grad(basis.interpolate(u))) * young[:, None]
+    nu = np.reshape(model.elastic.poisson, (-1, 1)) * (model.elastic.plane == "strain")
+    zz = nu * (plane[0, 0] + plane[1, 1])
     return np.stack([plane[0, 0], plane[1, 1], plane[0, 1], zz], axis=-1)
 
 
@@ -299,15 +310,17 @@ def von_mises(sigma: Array, measure: StressMeasure = "von_mises") -> Array:
     return np.sqrt(0.5 * ((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) + 3 * xy**2)
 
 
-def von_mises_factor(material: Material, measure: StressMeasure = "von_mises") -> Array:
-    """M (3, 3) with vm = |M eps|, the von Mises stress of solid material under the strain eps = (xx, yy, 2 xy).
+def von_mises_factor(constants: Elastic, measure: StressMeasure = "von_mises") -> Array:
+    """M (1, 3, 3), or (e, 3, 3) of several materials, with vm = |M eps|, the von Mises stress of solid material under
+    the strain eps = (xx, yy, 2 xy).
 
     With s = (sigma_xx + sigma_yy) / 2, d = (sigma_xx - sigma_yy) / 2, t = sigma_xy: vm^2 = (s - sigma_zz)^2 + 3 d^2 +
     3 t^2, where s = (lambda + mu)(eps_xx + eps_yy), d = mu (eps_xx - eps_yy), t = 2 mu eps_xy and sigma_zz = 2 nu s in
     plane strain, 0 in plane stress and where the measure leaves it out.
     """
-    lam, mu = (material.young * constant for constant in lame(material))
-    zz_counts = material.plane == "strain" and measure == "von_mises"
-    mean = (lam + mu) * (1 - 2 * material.poisson * zz_counts)
-    shear = np.sqrt(3) * mu
-    return np.array([[mean, mean, 0], [shear, -shear, 0], [0, 0, shear]])
+    lam, mu = (constants.young * constant for constant in lame(constants))
+    zz_counts = constants.plane == "strain" and measure == "von_mises"
+    mean, shear = np.broadcast_arrays((lam + mu) * (1 - 2 * constants.poisson * zz_counts), np.sqrt(3) * mu)
+    none = np.zeros_like(mean)
+    rows = np.array([[mean, mean, none], [shear, -shear, none], [none, none, shear]])
+    return rows.reshape(3, 3, -1).transpose(2, 0, 1)

@@ -93,11 +93,15 @@ def own_criterion(model: FemModel, stated: OwnCriterion, reference: Array) -> Ob
     g = reference.shape[1]
     x, volume = positions_in(model, reference), np.repeat(model.area / g, g)
     N, B = displacement_operator(model, reference), strain_operator(model, reference)
-    C = solid_tangent(model.body.material)
+    C = solid_tangent(model.elastic)
+    C = np.repeat(C, g, axis=0) if len(C) > 1 else C
+
+    def through_C(rows: Array) -> Array:
+        return np.matmul(rows[:, None], C)[:, 0] if len(C) > 1 else rows @ C[0]
 
     def response(rho: Array, u: Array) -> Response:
         strain = (B @ u).reshape(-1, 3)
-        return Response(x, volume, np.repeat(rho, g), (N @ u).reshape(-1, 2), strain, strain @ C)
+        return Response(x, volume, np.repeat(rho, g), (N @ u).reshape(-1, 2), strain, through_C(strain))
 
     def derivative(model: FemModel, rho: Array, u: Array) -> Derivative:
         at = response(rho, u)
@@ -105,8 +109,10 @@ def own_criterion(model: FemModel, stated: OwnCriterion, reference: Array) -> Ob
         check_sensitivity(stated, by, at)
         by_u = np.zeros_like(u)
         by_strain = np.zeros_like(at.strain)
-        for part, through in ((by.strain, np.eye(3)), (by.stress, C)):
-            by_strain += 0.0 if part is None else part @ through
+        if by.strain is not None:
+            by_strain += by.strain
+        if by.stress is not None:
+            by_strain += through_C(np.asarray(by.stress))
         by_u += B.T @ by_strain.ravel()
         if by.displacement is not None:
             by_u += N.T @ np.ravel(by.displacement)
@@ -137,8 +143,10 @@ def p_norm_stress(
     """
     positions = reference.shape[1]
     points = len(model.area) * positions
-    factor = von_mises_factor(model.body.material, measure)
-    T = sp.csr_matrix(sp.kron(sp.eye(points), factor) @ strain_operator(model, reference))
+    factor = von_mises_factor(model.elastic, measure)
+    each = np.repeat(factor, points // len(factor), axis=0)  # positions of an element follow one another
+    M = sp.bsr_matrix((each, np.arange(points), np.arange(points + 1)))
+    T = sp.csr_matrix(M @ strain_operator(model, reference))
 
     def solid(u: Array) -> tuple[Array, Array]:
         """t (e, g, 3) and vm (e, g)."""

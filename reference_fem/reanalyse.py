@@ -107,9 +107,10 @@ class Judge:
     def __call__(self, rho: Array) -> Judgement:
         """Analyse the physical densities rho (p,) in [0, 1] of the points: one factorisation, one solve."""
         rho = physical_densities(rho, self.points, "point")
-        moduli = simp(rho, self.model.body.material, self.design)[0][self.owner]
-        found = states(self.models, moduli, rho[self.owner])
-        work = float(self.model.force(rho[self.owner]) @ found[0].u)
+        on_elements = rho[self.owner]
+        moduli = simp(on_elements, self.model.elastic, self.design)[0]
+        found = states(self.models, moduli, on_elements)
+        work = float(self.model.force(on_elements) @ found[0].u)
         return Judgement(work, len(self.model.free), len(self.owner), found)
 
 
@@ -190,7 +191,7 @@ def judge_stress(judge: Judge, rho: Array, judgement: Judgement) -> JudgedStress
     """
     rho = physical_densities(rho, judge.points, "point")
     stated = judge.objective if isinstance(judge.objective, PNormStress) else PNormStress()
-    solid = np.full(len(judge.owner), judge.model.body.material.young)
+    solid = np.full(len(judge.owner), judge.model.elastic.young)
     vm = von_mises(stress(judge.model, judgement.u, solid), stated.measure)[:, 0]
     s = rho[judge.owner] ** stated.q * vm
     weight = 1 / np.bincount(judge.owner)[judge.owner]

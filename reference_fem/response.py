@@ -4,7 +4,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from mpmtop.arrays import Array
-from mpmtop.body import Material
+from mpmtop.body import Elastic
 from reference_fem.elasticity import FemModel, basis_at, lame
 from reference_fem.mesh import ELEMENT_CENTRE
 
@@ -23,7 +23,10 @@ def positions_in(model: FemModel, reference: Array = ELEMENT_CENTRE) -> Array:
     return np.asarray(basis_at(model, reference).global_coordinates()).reshape(2, -1).T
 
 
-def solid_tangent(material: Material) -> Array:
-    """C (3, 3) with sigma = C eps, (xx, yy, xy) of (xx, yy, 2 xy), of solid material."""
-    lam, mu = (material.young * constant for constant in lame(material))
-    return np.array([[lam + 2 * mu, lam, 0], [lam, lam + 2 * mu, 0], [0, 0, mu]])
+def solid_tangent(constants: Elastic) -> Array:
+    """C (1, 3, 3), or (e, 3, 3) of several materials, with sigma = C eps, (xx, yy, xy) of (xx, yy, 2 xy), of solid
+    material."""
+    lam, mu = np.broadcast_arrays(*(constants.young * constant for constant in lame(constants)))
+    none = np.zeros_like(mu)
+    rows = np.array([[lam + 2 * mu, lam, none], [lam, lam + 2 * mu, none], [none, none, mu]])
+    return rows.reshape(3, 3, -1).transpose(2, 0, 1)

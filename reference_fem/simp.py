@@ -9,7 +9,7 @@ import numpy as np
 from skfem import MeshQuad
 
 from mpmtop.arrays import Array, Mask
-from mpmtop.body import Material
+from mpmtop.body import Elastic, Material
 from mpmtop.criteria import AtMost, Compliance, Criterion, Displacement, Worst, finite_gradient
 from mpmtop.design import Design, physical_densities
 from mpmtop.errors import InvalidScene, LoadOutsideBody
@@ -144,9 +144,10 @@ class DesignProblem(DesignVariables):
 
         None of them is a sum that a BLAS may order as it likes: they are the same on every machine.
         """
-        model, space, material, design = self.model, self.space, self.model.body.material, self.design
+        model, space, material, design = self.model, self.space, self.model.elastic, self.design
+        constants = [np.ravel(constant) for constant in (material.young, material.poisson)]
         numbers = (
-            *(material.young, material.poisson, design.penal, design.contrast),
+            *(*(constant[0] for constant in constants), design.penal, design.contrast),
             *(design.volume_fraction, design.rho_min),
         )
         said = (
@@ -170,7 +171,8 @@ class DesignProblem(DesignVariables):
         in_cases = (array for case in self.models for array in (np.sort(case.free), case.f_ext))
         given = (case.prescribed for case in self.models if case.prescribed is not None)
         asked = (unit_force(model, each) for each in self._displacements)
-        for array in (corners, *in_cases, *given, *asked, space.solid, space.void, space.fixed, *weights):
+        by_element = [constant for constant in constants if len(constant) > 1]
+        for array in (corners, *by_element, *in_cases, *given, *asked, space.solid, space.void, space.fixed, *weights):
             digest.update(array.tobytes())
         return digest.hexdigest()
 
@@ -194,7 +196,7 @@ class DesignProblem(DesignVariables):
 
     def _analyse(self, rho: Array, filtered: Array | None) -> Evaluation:
         rho = physical_densities(rho, len(self.model.area), "element")
-        found = states(self.models, simp(rho, self.model.body.material, self.design)[0], rho)
+        found = states(self.models, simp(rho, self.model.elastic, self.design)[0], rho)
         objectives, others = ([each.value(self.models, found, rho) for each in sums] for sums in self.sums)
         volume = [self.volume(rho) - 1] if self.limits_volume else []
         return Evaluation(np.array(objectives), np.array([*volume, *others]), rho, found, filtered)
@@ -233,7 +235,7 @@ class DesignProblem(DesignVariables):
 
     def _by_density(self, of: Sum, evaluation: Evaluation) -> Array:
         rho = evaluation.rho
-        slope = simp(rho, self.model.body.material, self.design)[1]
+        slope = simp(rho, self.model.elastic, self.design)[1]
         total = np.zeros_like(rho)
         for factor, functional, case in of.parts:
             model, state = self.models[case], evaluation.states[case]
@@ -291,7 +293,7 @@ def told(stated: Any) -> str:
     return stated if isinstance(stated, str) else type(stated).__name__
 
 
-def simp(rho: Array, material: Material, design: Design) -> tuple[Array, Array]:
+def simp(rho: Array, material: Material | Elastic, design: Design) -> tuple[Array, Array]:
     """Modified SIMP, Eq. (10): E = E0 (contrast + rho^penal (1 - contrast)) and dE/drho, both (e,), for rho (e,)."""
     solid = material.young * (1 - design.contrast)
     young = material.young * design.contrast + solid * rho**design.penal

@@ -55,8 +55,9 @@ class Ties(NamedTuple):
         return dofs, local, self.element, at, spring[:, :, None] * spring[:, None, :]
 
 
-def tie(body: Body, basis: CellBasis, kind: MeshKind, lam: float, mu: float) -> Ties:
-    """Ties of a body with Lame's parameters at unit modulus. UnsupportedBody for an edge support without boundary."""
+def tie(body: Body, basis: CellBasis, kind: MeshKind, lam: float | Array, mu: float | Array) -> Ties:
+    """Ties of a body with Lame's parameters at unit modulus, numbers or (e,). UnsupportedBody for an edge support
+    without boundary."""
     N = basis.N
     hold, pull = [sp.csr_matrix((0, N))], [sp.csr_matrix((0, N))]
     alpha, element = [np.empty(0)], [np.empty(0, np.intp)]
@@ -83,15 +84,18 @@ def tie(body: Body, basis: CellBasis, kind: MeshKind, lam: float, mu: float) -> 
     return Ties(spring_rows, hold_rows, pull_rows, np.concatenate(alpha), np.concatenate(element))
 
 
-def _traction(basis: CellBasis, on: Surface, lam: float, mu: float) -> tuple[sp.csr_matrix, Array, Index]:
+def _traction(
+    basis: CellBasis, on: Surface, lam: float | Array, mu: float | Array
+) -> tuple[sp.csr_matrix, Array, Index]:
     """Rows (2k, N) of t at the Gauss points nearest to an edge, at unit modulus, alpha (k,) and their elements (k,)."""
     gauss = CellBasis(basis.mesh, basis.elem, intorder=basis.elem.maxdeg, dofs=basis.dofs)
     e, q = gauss.dx.shape
     x = np.asarray(gauss.global_coordinates()).reshape(2, -1).T
     nearest = cKDTree(x).query(on.x - ASIDE * shortest_side(basis.mesh))[1]
     length = np.bincount(nearest, on.length, e * q)
-    alpha = 2 * 2 * (lam + mu) * (length / gauss.dx.ravel())[nearest]
     element, point = np.divmod(nearest, q)
+    lam, mu = (np.broadcast_to(constant, e)[element] for constant in (lam, mu))
+    alpha = 2 * 2 * (lam + mu) * (length / gauss.dx.ravel())[nearest]
     values = np.zeros((len(nearest), 2, gauss.Nbfun))
     for i, function in enumerate(gauss.basis):
         strain = np.asarray(sym_grad(function[0]))[:, :, element, point]  # (2, 2, k)

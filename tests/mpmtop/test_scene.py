@@ -43,7 +43,7 @@ NAN = float("nan")
         ({"supports": LEFT_CLAMP}, InvalidScene, "with a comma"),
         ({"supports": (LEFT_CLAMP.region,)}, InvalidScene, "give a `Support`, an `EdgeSupport` or a `Spring`"),
         ({"loads": (LEFT_CLAMP,)}, InvalidScene, "give a `PointLoad`"),
-        ({"material": (Material(), Material())}, InvalidScene, "one Material for all"),
+        ({"material": (Material(), Material())}, InvalidScene, "one Material for the body"),
         ({"objective": "compliance"}, InvalidScene, r"give Compliance\(\)"),
         ({"objective": PNormStress(12, 3.0)}, InvalidScene, "below the penalty"),
         ({"passive_void": Rectangle((7, 1), (9, 3))}, LoadOutsideBody, "in the passive void"),

@@ -138,8 +138,8 @@ def material_points(
         model = discretise(scene.body, H, points=moved, shape_function=shape_function)
 
         def stress(evaluation: problem.Evaluation) -> Array:
-            solid = np.full(len(evaluation.rho), scene.body.material.young)
-            return von_mises(model.stress(solid, evaluation.state.strain), scene.body.material, stress_measure(scene))
+            solid = np.full(len(evaluation.rho), model.elastic.young)
+            return von_mises(model.stress(solid, evaluation.state.strain), model.elastic, stress_measure(scene))
 
         design = problem.DesignProblem(model, scene.design, scene.objective, grid, filter_passive)
         return Analyser(name, scene, design, grid.x, grid.half_length, stress)
@@ -153,7 +153,7 @@ def finite_elements(scene: Scene) -> Analyser:
     model = fem.model
 
     def stress(evaluation: simp.Evaluation) -> Array:
-        solid = np.full(len(evaluation.rho), scene.body.material.young)
+        solid = np.full(len(evaluation.rho), model.elastic.young)
         return elasticity.von_mises(elasticity.stress(model, evaluation.u, solid), stress_measure(scene))[:, 0]
 
     return Analyser("FEM", scene, fem, model.centres, np.full_like(model.centres, SPACING / 2), stress)

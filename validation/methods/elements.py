@@ -18,7 +18,7 @@ from validation.methods.protocol import Answer, Capability, Case
 ON_LATTICE: frozenset[Capability] = frozenset(
     {
         *("analysis", "gradient", "moduli by point", "body forces", "loads at positions", "tractions"),
-        *("prescribed displacements", "plane stress", "any outline"),
+        *("prescribed displacements", "plane stress", "materials by region", "any outline"),
     }
 )
 """All but points anywhere: each element is the rectangle of a point, and they fill the body."""

@@ -32,6 +32,7 @@ Capability = Literal[
     "tractions",  # loads along the boundary or throughout, which the method integrates
     "prescribed displacements",
     "plane stress",
+    "materials by region",
     "any outline",  # of the body, and not only a rectangle
     "points anywhere",  # of any size, and not only a lattice that fills the body
 ]
@@ -127,6 +128,7 @@ class Case:
             "tractions": bool(self.acts.along or self.acts.throughout),
             "prescribed displacements": self.prescribed is not None,
             "plane stress": self.body.material.plane == "stress",
+            "materials by region": bool(self.body.parts),
             "any outline": not _a_rectangle(self.body.domain),
             "points anywhere": not _fill(self.body, self.points),
         }

@@ -123,8 +123,8 @@ def elements_of_the_grid(scene: Scene) -> Analyser:
     sub_cell = SubCellProblem(DesignProblem(model, design, scene.objective), parts, scene.design.filter_radius)
 
     def stress(evaluation: problem.Evaluation) -> Array:
-        solid = np.full(len(model.points.x), scene.body.material.young)
-        vm = von_mises(model.stress(solid, evaluation.state.strain), scene.body.material, stress_measure(scene))
+        solid = np.full(len(model.points.x), model.elastic.young)
+        vm = von_mises(model.stress(solid, evaluation.state.strain), model.elastic, stress_measure(scene))
         return np.sqrt(of_parts(vm**2) / PER_PART)
 
     return Analyser("Q1, grid's elements", scene, sub_cell, parts.x, parts.half_length, stress)

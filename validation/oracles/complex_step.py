@@ -11,7 +11,7 @@ import numpy as np
 from mpmtop.arrays import Array, Index
 from mpmtop.criteria import PNormStress
 from mpmtop.problem import DesignProblem
-from validation.oracles.dense import Equations, equations_of
+from validation.oracles.dense import Equations, equations_of, of_points
 from validation.oracles.extended import assembled
 
 STEP = 1e-30
@@ -50,7 +50,8 @@ def filter_matrix(problem: DesignProblem) -> tuple[Array, Array]:
 def evaluated(problem: DesignProblem, equations: Equations, rho: Any) -> tuple[Any, Any]:
     """J and g of densities rho (p,), complex or not."""
     design, material, volume = problem.design, problem.model.body.material, equations.volume
-    moduli = material.young * (design.contrast + rho**design.penal * (1 - design.contrast))
+    young, poisson = of_points(problem.model.body, problem.model.points.x)
+    moduli = young * (design.contrast + rho**design.penal * (1 - design.contrast))
     free, f = equations.free, equations.f_ext.astype(float)
     K = assembled(equations, moduli)
     root = np.sqrt(np.diag(K).real)
@@ -65,9 +66,9 @@ def evaluated(problem: DesignProblem, equations: Equations, rho: Any) -> tuple[A
     if not isinstance(problem.objective, PNormStress):
         return f @ u, g
     strain = (equations.B.astype(float) @ u).reshape(-1, 3)
-    xx, yy, xy = material.young * (strain @ equations.D.astype(float)).T
+    xx, yy, xy = young * np.einsum("...a,...ab->...b", strain, equations.D.astype(float)).T
     thick = material.plane == "strain" and problem.objective.measure == "von_mises"
-    zz = material.poisson * (xx + yy) if thick else 0 * xx
+    zz = poisson * (xx + yy) if thick else 0 * xx
     vm = np.sqrt(xx**2 + yy**2 + zz**2 - xx * yy - yy * zz - zz * xx + 3 * xy**2)
     s = rho**problem.objective.q * vm
     largest = np.abs(s).max()

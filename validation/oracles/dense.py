@@ -9,7 +9,7 @@ position in cells can lose, lies on it, and along a grid line the gradient is th
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -40,8 +40,8 @@ class Quantities(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Equations:
-    """N (p, a) and B (3p, 2a) at the `nodes` (a,) that points touch, D (3, 3), f_ext (2a,), the `free` unknowns (m,) of
-    2a, volumes (p,), and the ghost penalty's `jump` (2f, a) and `modulus` (f, p)."""
+    """N (p, a) and B (3p, 2a) at the `nodes` (a,) that points touch, D (3, 3) or (p, 3, 3), f_ext (2a,), the `free`
+    unknowns (m,) of 2a, volumes (p,), and the ghost penalty's `jump` (2f, a) and `modulus` (f, p)."""
 
     nodes: Index
     N: Array
@@ -63,7 +63,10 @@ def equations_of(model: Model) -> Equations:
     f_ext = nodal_force(body.loads, grid, points.x, points.volume, N)
     free = np.flatnonzero(~held(body, grid, nodes))
     jump, modulus = model.ghost.jump.toarray(), model.ghost.modulus.toarray()
-    return Equations(nodes, N, B, tangent(body.material), f_ext, free, points.volume, jump, modulus)
+    D = tangent(body.material)
+    if body.parts:
+        D = np.array([tangent(replace(body.material, poisson=nu)) for nu in of_points(body, points.x)[1]])
+    return Equations(nodes, N, B, D, f_ext, free, points.volume, jump, modulus)
 
 
 def held(body: Body, grid: Grid, nodes: Index) -> Mask:
@@ -187,6 +190,15 @@ def lame(material: Material) -> tuple[Any, Any]:
     nu = EXTENDED(material.poisson)
     lam, mu = nu / ((1 + nu) * (1 - 2 * nu)), 1 / (2 * (1 + nu))
     return (lam if material.plane == "strain" else 2 * lam * mu / (lam + 2 * mu)), mu
+
+
+def of_points(body: Body, x: Array) -> tuple[Array, Array]:
+    """Young's modulus and Poisson's ratio (p,) of solid points at x (p, 2): of the first part that holds them."""
+    young, poisson = np.full(len(x), body.material.young), np.full(len(x), body.material.poisson)
+    for part in reversed(body.parts):
+        within = part.region.contains(x, ON)
+        young[within], poisson[within] = part.material.young, part.material.poisson
+    return young, poisson
 
 
 def tangent(material: Material) -> Array:
