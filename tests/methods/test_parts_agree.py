@@ -300,7 +300,7 @@ def test_bodies_refuse_parts(parts: Any, advice: str) -> None:
         (lambda: Part(BOX, Material(np.nan)), "positive, finite"),
         (lambda: Part(BOX, Material(1.0, 0.5)), "below 0.5"),
     ],
-    ids=str,
+    ids=["no region", "a number", "a class", "negative modulus", "no modulus", "incompressible"],
 )
 def test_parts_refuse(made: Any, advice: str) -> None:
     with pytest.raises(InvalidScene, match=advice):
