@@ -74,8 +74,13 @@ def _sides(domain: Region, region: Region, curve: Curve, before: list[Curve], t:
     """Of a curve at t (n,): 1 where the domain ends in `region` along the normal, -1 against it, 0 elsewhere, and where
     an earlier curve runs, too."""
     x, normal, _ = curve.at(t)
-    behind, beyond = (domain.contains(x + side * PROBE * size * normal).astype(int) for side in (-1, 1))
     own: Mask = region.contains(x, ON * size)
     for other in before:
         own = own & ~other.holds(x, ON * size)
-    return (behind - beyond) * own
+    side = np.zeros(len(t), dtype=int)
+    if not np.any(own):
+        return side
+    x, normal = x[own], normal[own]
+    behind, beyond = (domain.contains(x + way * PROBE * size * normal).astype(int) for way in (-1, 1))
+    side[own] = behind - beyond
+    return side

@@ -147,6 +147,7 @@ def test_beam_finer(report: Report, lock: Lock) -> None:
     assert order and stuck and steps
 
 
+@pytest.mark.slow
 def test_energy(report: Report, lock: Lock) -> None:
     """Work and energy
 

@@ -166,6 +166,7 @@ def cantilever(h: float, degrees: float, ppc: int, function: ShapeFunction) -> f
     return float(model.f_ext @ equilibrium(model, np.ones(len(points.x))).u) / CLAMPED - 1
 
 
+@pytest.mark.slow
 def test_turned_cantilever(report: Report, lock: Lock) -> None:
     """A cantilever at an angle to the grid
 

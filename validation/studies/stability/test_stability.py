@@ -230,6 +230,7 @@ def test_scales(report: Report) -> None:
     assert tabulate(report, "scales", outcomes("Scales"), "Scales: cases and outcomes.")
 
 
+@pytest.mark.slow
 def test_parameters(report: Report) -> None:
     """Parameters
 

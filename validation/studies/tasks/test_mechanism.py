@@ -2,6 +2,7 @@
 
 import numpy as np
 import pandas as pd
+import pytest
 
 from mpmtop.body import Body, Material, Spring, Support
 from mpmtop.criteria import Displacement
@@ -45,6 +46,7 @@ def ending(last: Iterate[Evaluation]) -> str:
     return "an inverter" if last.objective < 0 else "no inverter: the output moves with the input"
 
 
+@pytest.mark.slow
 def test_force_inverter(report: Report, lock: Lock) -> None:
     """A force inverter
 

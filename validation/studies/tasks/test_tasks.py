@@ -12,6 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 import pandas as pd
+import pytest
 
 from mpmtop.body import Body, Material, Support
 from mpmtop.criteria import Compliance, Criterion, Worst
@@ -48,6 +49,7 @@ def mirrored(rho: np.ndarray, x: np.ndarray) -> float:
     return float(np.abs(rho[place] - rho[image]).max())
 
 
+@pytest.mark.slow
 def test_load_cases(report: Report, lock: Lock) -> None:
     """Two load cases, and both loads at once
 
