@@ -32,11 +32,17 @@ LEAF = 32
 INVERTED = 64
 """Pivots of the largest front whose L11 is inverted: a larger one is worth its own calls, and not the inversion."""
 
+BY_INDEX = 256
+"""Entries of an update that are added to the parent by index in the time of one slice, a hair above the optimum."""
+
+Runs = list[tuple[int, int, int, bool]]
+
 
 class Front(NamedTuple):
     """One front, unknowns by their place in the order of elimination: those eliminated and the size of its boundary;
     where L11 and L21 begin among all values; its `parent` and the runs (start, stop, to, among pivots) of the boundary
-    that are neighbours there, too, `to` being the first one's place among the parent's pivots or in its boundary."""
+    that are neighbours there, too, `to` being the first one's place among the parent's pivots or in its boundary. Of
+    small updates in many runs the `places` instead, among the pivots and in the boundary."""
 
     first: int
     last: int
@@ -44,7 +50,8 @@ class Front(NamedTuple):
     L11: int
     L21: int
     parent: int
-    runs: list[tuple[int, int, int, bool]]
+    runs: Runs
+    places: tuple[Index, Index] | None
 
 
 class Alike(NamedTuple):
@@ -156,25 +163,38 @@ def _blocks(values: Array, front: Front) -> tuple[Array, Array]:
 def _eliminate(fronts: Sequence[Front], blocks: Blocks) -> int | None:
     """Turn the blocks of K into those of L; the unknown, by its place in the order, that has no positive pivot."""
     updates: dict[int, Array] = {}  # of fronts that are still to come; dense lower triangles
-    for k, ((first, _, nb, _, _, parent, runs), (L11, L21)) in enumerate(zip(fronts, blocks, strict=True)):
+    for k, (front, (L11, L21)) in enumerate(zip(fronts, blocks, strict=True)):
         failed = dpotrf(L11, lower=1, clean=0, overwrite_a=1)[1]
         if failed:
-            return first + failed - 1
+            return front.first + failed - 1
+        nb = front.boundary
         if nb == 0:
             continue
         dtrsm(1.0, L11, L21, side=1, lower=1, trans_a=1, overwrite_b=1)
         update = updates.pop(k) if k in updates else np.zeros((nb, nb), order="F")
         dsyrk(-1.0, L21, beta=1.0, c=update, lower=1, overwrite_c=1)
-        up11, up21 = blocks[parent]
-        if parent not in updates and len(up21) > 0:
-            updates[parent] = np.zeros((len(up21),) * 2, order="F")
-        for j, (start, stop, to, column_among) in enumerate(runs):
-            columns = slice(to, to + stop - start)
-            for above, below, at, among in runs[j:]:
-                into = updates[parent] if not column_among else up11 if among else up21
-                part = into[at : at + below - above, columns]  # named: `into[...] +=` would copy it onto itself
-                part += update[above:below, start:stop]
+        up11, up21 = blocks[front.parent]
+        if front.parent not in updates:
+            updates[front.parent] = np.zeros((len(up21),) * 2, order="F")
+        _add(front, update, up11, up21, updates[front.parent])
     return None
+
+
+def _add(front: Front, update: Array, up11: Array, up21: Array, up: Array) -> None:
+    """Add the update (nb, nb) of a front to the three parts of its parent; above the diagonal all are zero."""
+    if front.places is not None:
+        pivots, around = front.places
+        a, columns = len(pivots), update.T  # as they lie in memory
+        up11.T[pivots[:, None], pivots] += columns[:a, :a]
+        up21.T[pivots[:, None], around] += columns[:a, a:]
+        up.T[around[:, None], around] += columns[a:, a:]
+        return
+    for j, (start, stop, to, column_among) in enumerate(front.runs):
+        within = slice(to, to + stop - start)
+        for above, below, at, among in front.runs[j:]:
+            into = up if not column_among else up11 if among else up21
+            part = into[at : at + below - above, within]  # named: `into[...] +=` would copy it onto itself
+            part += update[above:below, start:stop]
 
 
 def _solve(analysis: Analysis, values: Array, b: Array) -> Array:
@@ -245,7 +265,7 @@ def _analysis(pattern: Pattern, node: Index, nodes: Fronts) -> Analysis:
     runs = _runs(boundary, start, first, nodes.parent, key, m)
     ends_of = (part.tolist() for part in (first[:-1], first[1:], nb, L11, L21, nodes.parent))
     fronts = [
-        Front(begins, last, b, at, below, parent, run)
+        Front(begins, last, b, at, below, parent, run, _places(run, b))
         for begins, last, b, at, below, parent, run in zip(*ends_of, runs, strict=True)
     ]
     return Analysis(order, fronts, levels, place, size)
@@ -277,9 +297,7 @@ def _level(groups: Sequence[Alike]) -> Level:
     return Level(groups, reached, sp.csr_array((np.ones(len(to)), (to, np.arange(len(to)))), shape=shape))
 
 
-def _runs(
-    boundary: Index, start: Index, first: Index, parent: Index, key: Index, m: int
-) -> list[list[tuple[int, int, int, bool]]]:
+def _runs(boundary: Index, start: Index, first: Index, parent: Index, key: Index, m: int) -> list[Runs]:
     """The runs of every `Front`; `key` (boundaries,) is front * m + unknown, sorted."""
     f = len(parent)
     own = np.repeat(np.arange(f), np.diff(start))
@@ -289,7 +307,16 @@ def _runs(
     follows = (np.diff(own) == 0) & (np.diff(to) == 1) & ~np.diff(among)
     head = np.flatnonzero(np.concatenate([[True], ~follows])[: len(own)])
     a, b = head - start[own[head]], np.append(head[1:], len(own)) - start[own[head]]
-    runs: list[list[tuple[int, int, int, bool]]] = [[] for _ in range(f)]
+    runs: list[Runs] = [[] for _ in range(f)]
     for k, *run in zip(*(part.tolist() for part in (own[head], a, b, to[head], among[head])), strict=True):
         runs[k].append(tuple(run))
     return runs
+
+
+def _places(runs: Runs, boundary: int) -> tuple[Index, Index] | None:
+    """The `places` of a `Front` of so many in its boundary, None where runs are quicker."""
+    if boundary**2 >= BY_INDEX * len(runs) * (len(runs) + 1) // 2:
+        return None
+    of = [(np.arange(to, to + stop - start), among) for start, stop, to, among in runs]
+    pivots, around = ([at for at, among in of if among is which] for which in (True, False))
+    return np.concatenate([np.empty(0, np.intp), *pivots]), np.concatenate([np.empty(0, np.intp), *around])
