@@ -33,6 +33,7 @@ What is shown:
     fields, at_points                                              what both show, in one form
     page            what the report's pages and a comparison's have in common
 
+comparison          compare(scene): every method on a scene of one's own, with and without crossing, on one page
 large_deformation   load steps in which points cross cells by themselves
 
 What a script needs of these can be imported from here: `from mpmtop import Body, Design, Scene, optimize`. No name is
@@ -51,6 +52,7 @@ if TYPE_CHECKING:
     from mpmtop.body import Part as Part
     from mpmtop.body import Spring as Spring
     from mpmtop.body import Support as Support
+    from mpmtop.comparison.compare import compare as compare
     from mpmtop.criteria import AtLeast as AtLeast
     from mpmtop.criteria import AtMost as AtMost
     from mpmtop.criteria import Compliance as Compliance
@@ -102,6 +104,7 @@ _FROM = {
     "body": ("Body", "EdgeSupport", "Material", "Part", "Spring", "Support"),
     "design": ("Design", "Mirror", "Projection"),
     "loads": ("BodyForce", "PointLoad", "PositionLoad", "Pressure", "RegionLoad", "Traction", "Weight"),
+    "comparison.compare": ("compare",),
     "model": ("discretise",),
     "optimizers": ("GCMMA", "MMA", "OptimalityCriteria", "continuation", "optimize"),
     "points": ("MaterialPoints", "seed"),

@@ -1,7 +1,7 @@
 """Export to VTU through meshio, for ParaView and its like, and back; the only module that knows meshio."""
 
 import os
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol, TypeVar
 from xml.etree import ElementTree
@@ -121,8 +121,9 @@ def read_points(path: Path | str) -> PointDesign:
     return PointDesign(MaterialPoints(x[:, :2].copy(), volume, half_length[:, :2].copy()), rho)
 
 
-def series(path: Path | str, model: Any, iterates: Iterable[Passed]) -> Iterator[Passed]:
-    """Pass iterates on and write each as `<name>/<iteration>.vtu` beside the `.pvd` at `path`, which lists them.
+def series(path: Path | str, model: Any, iterates: Iterable[Passed], every: int = 1) -> Iterator[Passed]:
+    """Pass iterates on and write every `every`-th one and the last as `<name>/<iteration>.vtu` beside the `.pvd` at
+    `path`, which lists them.
 
     Each file, the list too, is replaced as a whole: ParaView can open the series while it grows. A resumed run goes on
     with the list, from its own first iteration. For either solver:
@@ -131,18 +132,32 @@ def series(path: Path | str, model: Any, iterates: Iterable[Passed]) -> Iterator
     """
     path = Path(path)
     entries: dict[int, str] | None = None
-    for iterate in iterates:
+    last: Passed | None = None
+    for last in iterates:
         if entries is None:
-            entries = {k: file for k, file in _listed(path).items() if k < iterate.iteration}
-        file = Path(path.stem) / f"{iterate.iteration:05d}.vtu"
-        write_points(path.parent / file, model, iterate.evaluation.state, iterate.evaluation.rho)
-        entries[iterate.iteration] = file.as_posix()
-        root = ElementTree.Element("VTKFile", type="Collection", version="0.1")
-        collection = ElementTree.SubElement(root, "Collection")
-        for k, listed in entries.items():
-            ElementTree.SubElement(collection, "DataSet", timestep=str(k), part="0", file=listed)
-        _replace(path, ElementTree.ElementTree(root).write)
-        yield iterate
+            entries = {k: file for k, file in _listed(path).items() if k < last.iteration}
+        if last.iteration % every == 0:
+            _add(path, entries, model, last)
+        yield last
+    if last is not None and entries is not None and last.iteration not in entries:
+        _add(path, entries, model, last)
+
+
+def _add(path: Path, entries: dict[int, str], model: Any, iterate: Step) -> None:
+    """Write an iterate and list it."""
+    file = Path(path.stem) / f"{iterate.iteration:05d}.vtu"
+    write_points(path.parent / file, model, iterate.evaluation.state, iterate.evaluation.rho)
+    entries[iterate.iteration] = file.as_posix()
+    collection(path, entries)
+
+
+def collection(path: Path | str, entries: Mapping[int, str]) -> None:
+    """Write a `.pvd` that lists files by their time."""
+    root = ElementTree.Element("VTKFile", type="Collection", version="0.1")
+    listed = ElementTree.SubElement(root, "Collection")
+    for k, file in entries.items():
+        ElementTree.SubElement(listed, "DataSet", timestep=str(k), part="0", file=file)
+    _replace(Path(path), ElementTree.ElementTree(root).write)
 
 
 def _listed(path: Path) -> dict[int, str]:

@@ -42,16 +42,21 @@ ORDER = [
     ),
     *(f"large_deformation.{name}" for name in ("adjoint", "objectives", "problem")),
     "large_deformation",
+    *(f"comparison.{name}" for name in ("asked", "progress", "methods", "judging", "runs", "entries", "pictures")),
+    *(f"comparison.{name}" for name in ("files", "verdict", "page", "lock", "scene_file", "compare", "one", "command")),
+    *("comparison", "__main__"),
 ]
 EXTRA = {"export": {"meshio"}, "plot": {"matplotlib", "IPython"}, "page.drawing": {"matplotlib", "cycler"}}
 """What a module may import beside numpy and scipy."""
+BOTH = {"reference_fem", "matplotlib", "jinja2", "joblib"}
+"""What a comparison may, too: it is on top of both solvers, as a user is, and neither knows of it."""
 LIBRARIES = {"mpmtop": {"numpy", "scipy"}, "reference_fem": {"numpy", "scipy", "skfem", "mpmtop"}}
 STATED = ("arrays", "errors", "region", "outline", "loads", "body", "design", "criteria", "scene")
 STATEMENT = {f"mpmtop.{name}" for name in STATED}
 ALGEBRA = {"mpmtop.solvers.pattern", "mpmtop.solvers.sparse_cholesky"}
 """A matrix on a pattern and its factorisation: no mechanics, checked by SuperLU and by dense equations."""
-UNTOLD = {"__init__", "arrays"}
-"""Modules that the contents do not name: the package itself, and types."""
+UNTOLD = {"__init__", "__main__", "arrays"}
+"""Modules that the contents do not name: the package itself, its commands, and types."""
 STANDARD = sys.stdlib_module_names
 
 
@@ -68,7 +73,11 @@ def imports(path: Path) -> set[str]:
 
 
 def modules(package: str) -> list[Path]:
-    return sorted(p for p in (ROOT / package).rglob("*.py") if p.parent.name != package or p.stem != "__init__")
+    """All but the package itself and its examples, which are scripts of a user."""
+    found = (ROOT / package).rglob("*.py")
+    return sorted(
+        p for p in found if p.parent.name != "examples" and (p.parent.name != package or p.stem != "__init__")
+    )
 
 
 def name_of(path: Path) -> str:
@@ -86,8 +95,10 @@ def test_mpmtop_imports_go_one_way(path: Path) -> None:
     allowed = {f"mpmtop.{name}" for name in ORDER[: ORDER.index(name_of(path))]}
     for name in imports(path):
         top = name.split(".")[0]
-        extra = EXTRA.get(name_of(path), set())
-        assert name in allowed or top in LIBRARIES["mpmtop"] | STANDARD | extra, f"{name_of(path)} imports {name}"
+        at_top = name_of(path).startswith("comparison.")
+        extra = BOTH if at_top else EXTRA.get(name_of(path), set())
+        known = top in LIBRARIES["mpmtop"] | STANDARD | extra or (at_top and name == "mpmtop")
+        assert name in allowed or known, f"{name_of(path)} imports {name}"
 
 
 @pytest.mark.parametrize("path", modules("reference_fem"), ids=lambda p: p.stem)
@@ -212,3 +223,9 @@ def test_modules_fit_in_one_reading(package: str) -> None:
                 if lines > LONGEST_FUNCTION * (1.25 if section else 1):
                     long.append(f"{name}: {node.name} has {lines} lines")
     assert not long
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "mpmtop" / "examples").glob("*.py")), ids=lambda p: p.stem)
+def test_examples_import_what_a_user_does(path: Path) -> None:
+    """The face of the library, NumPy and the standard library."""
+    assert all(name == "mpmtop" or name.split(".")[0] in STANDARD | {"numpy"} for name in imports(path))

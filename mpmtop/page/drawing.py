@@ -13,7 +13,7 @@ from cycler import cycler
 from matplotlib.figure import Figure
 
 # Okabe and Ito's colours but for yellow, too faint on white; line styles tell them apart where they print grey.
-STYLE: dict[str, Any] = {
+STYLE: Any = {
     "axes.prop_cycle": cycler(
         color=["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#000000"],
         linestyle=["-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)), (0, (1, 1))],
@@ -61,14 +61,16 @@ def numbered(svg: bytes, file: str) -> bytes:
 
 
 def image(path: Path) -> dict[str, str] | None:
-    """Source and size [CSS px] of an SVG or PNG as part of a page; None if the file is absent.
+    """Source and size [CSS px] of an SVG or PNG as part of a page; None if the file is absent."""
+    return embedded(path.read_bytes()) if path.exists() else None
+
+
+def embedded(drawn: bytes) -> dict[str, str]:
+    """Source and size [CSS px] of an SVG or PNG as part of a page.
 
     A data URI keeps the page self-contained and the ids of one figure apart from those of another.
     """
-    if not path.exists():
-        return None
-    drawn = path.read_bytes()
-    if path.suffix == ".png":
+    if drawn.startswith(b"\x89PNG"):
         encoded = base64.b64encode(drawn).decode()
         return {"src": f"data:image/png;base64,{encoded}", "width": "auto", "height": "auto"}
     size = re.search(rb'width="([\d.]+)pt" height="([\d.]+)pt"', drawn)

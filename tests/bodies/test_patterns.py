@@ -2,15 +2,15 @@
 
 import re
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
+from mpmtop.comparison.pictures import patterns
 from mpmtop.crossing import FAMILIES, Crossing, Jitter, Periodic, Uniform, Wave, named
 from mpmtop.points import seed
 from mpmtop.region import Rectangle
 from validation.bodies.manufactured import DeformedWave
-from validation.bodies.patterns import in_words, strip
+from validation.bodies.patterns import in_words
 
 
 @pytest.mark.parametrize(
@@ -22,11 +22,10 @@ from validation.bodies.patterns import in_words, strip
     ],
 )
 def test_points_are_coloured_by_what_they_do(crossing: Crossing, still: int, moved: int, crossed: int) -> None:
-    figure = strip([crossing])
+    figure = patterns([crossing])
     seeded, *drawn = figure.axes[0].lines
     assert [len(np.asarray(line.get_xdata())) for line in drawn] == [still, moved, crossed]
     assert len(np.asarray(seeded.get_xdata())) == moved + crossed
-    plt.close(figure)
 
 
 @pytest.mark.parametrize("crossing", [Uniform(0.3), Periodic(4), Wave(8), DeformedWave(8), Jitter(0.3)])
