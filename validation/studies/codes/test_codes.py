@@ -73,6 +73,7 @@ def our_cards() -> tuple[Card, ...]:
     return tuple(scorecard(method, every()) for method in ours())
 
 
+@pytest.mark.slow
 def test_our_codes(report: Report) -> None:
     """The codes of this repository
 

@@ -46,6 +46,7 @@ BOUNDED = 1.5
 of 0.43: half as much again is allowed for that. Locking multiplies by tens."""
 
 
+@pytest.mark.slow
 def test_poisson(report: Report, lock: Lock) -> None:
     """Error against Poisson's ratio
 

@@ -127,6 +127,7 @@ def record_cases(report: Report, found: dict[str, Designed]) -> dict[str, tuple[
     return by_case
 
 
+@pytest.mark.slow
 def test_worst_case(report: Report, lock: Lock) -> None:
     """The worst of two cases
 
