@@ -4,11 +4,13 @@ import re
 import subprocess
 import sys
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 import pytest
 
 from mpmtop.shape_functions import tent
+from tests.codes.soil_mpm import Ground, Particle
 from validation.__main__ import main
 from validation.codes import cases, kept
 from validation.codes.adapter import Adapter, NoAdapter, load_class
@@ -41,6 +43,42 @@ def test_the_adapter_in_the_docs_connects_a_small_code(tmp_path: Path) -> None:
     theirs, ours = small.analyse(case), PointMethod("tent", tent).analyse(case)
     np.testing.assert_allclose(theirs.u, ours.u, atol=1e-11 * np.abs(ours.u).max())
     np.testing.assert_allclose(theirs.stress, ours.stress, atol=1e-11 * np.abs(ours.stress).max())
+
+
+class Soil:
+    """How the code that the docs do not connect is connected rightly; its stresses, as they are, fail by their sign."""
+
+    name, version = "soil MPM", ""
+    capabilities: ClassVar = {
+        *("analysis", "quadrature at points", "points anywhere", "any outline"),
+        *("moduli by point", "body forces", "prescribed displacements"),
+    }
+    sign = -1.0
+
+    def analyse(self, case: Case) -> tuple[np.ndarray, np.ndarray]:
+        grid, held, nu = case.grid, case.held, case.body.material.poisson
+        ground = Ground(grid.origin, *grid.h, *grid.cells)
+        for (i, j), fixed, value in zip(held.node, held.fixed, held.value, strict=True):
+            ground.pin(i, j, *np.where(fixed, value, None))
+        x, moduli = case.points.x, case.moduli
+        shear, bulk = moduli / (2 * (1 + nu)), moduli / (3 * (1 - 2 * nu))
+        particles = [Particle(*row) for row in zip(x, case.points.volume, shear, bulk, case.carried, strict=True)]
+        ground.settle(particles)
+        stress = np.array([p.pressure for p in particles])[:, [0, 1, 3]]
+        return np.array([p.moved for p in particles]), self.sign * stress
+
+
+def test_the_code_for_newcomers_is_sound_but_for_its_signs() -> None:
+    """Rightly connected it passes; compression positive is said in figures, by a check that they read first."""
+    card = scorecard(Adapter(Soil()), quick())
+    assert [row.verdict for row in card.rows] == ["passes", "passes", "passes", "not supported"]
+    case = cases.under_weight("uneven", cases.uneven((12, 6)))
+    theirs, ours = Adapter(Soil()).analyse(case), PointMethod("tent", tent).analyse(case)
+    np.testing.assert_allclose(theirs.u, ours.u, atol=1e-10 * np.abs(ours.u).max())
+    turned = Soil()
+    turned.sign = 1.0
+    row = scorecard(Adapter(turned), quick()).of("fails")[0]
+    assert row.kind == "stress positive in compression" and "sigma_xx is -1 times what acts" in row.where
 
 
 def test_the_template_is_an_adapter(

@@ -1,6 +1,7 @@
 """Load steps of a code: sound ones pass, Kirchhoff's stress in place of Cauchy's is named, wrong answers too."""
 
 import re
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,7 @@ from validation.methods.protocol import Step
 @pytest.mark.parametrize("function", [tent, gimp, bspline2])
 def test_our_load_steps_pass(function: ShapeFunction) -> None:
     card = scorecard(PointMethod("ours", function), steps.checks())
-    assert [row.verdict for row in card.rows] == ["passes", "passes", "passes", "reported"]
+    assert [row.verdict for row in card.rows] == ["passes", "passes", "passes", "reported", "passes", "reported"]
 
 
 def test_functions_without_load_steps_are_not_asked() -> None:
@@ -26,13 +27,14 @@ def test_functions_without_load_steps_are_not_asked() -> None:
 
 
 def test_small_loads_are_the_linear_analysis() -> None:
-    """The last of the steps in the limit: GIMP's displacements and stresses, to the strains that are left."""
+    """The last of the steps in the limit: GIMP's displacements and stresses, to what the background takes:
+    1e-5 of the modulus over the whole box, beside a slender body that is some ten times softer than it."""
     case = steps._pulled(1e-7)
     method = PointMethod("GIMP", gimp)
     (step,), linear = method.steps(case, 1), method.analyse(case)
-    np.testing.assert_allclose(step.x - case.points.x, linear.u, atol=1e-5 * np.abs(linear.u).max())
+    np.testing.assert_allclose(step.x - case.points.x, linear.u, atol=1e-3 * np.abs(linear.u).max())
     assert linear.stress is not None
-    np.testing.assert_allclose(step.stress, linear.stress, atol=1e-5 * np.abs(linear.stress).max())
+    np.testing.assert_allclose(step.stress, linear.stress, atol=1e-3 * np.abs(linear.stress).max())
 
 
 class Theirs:
@@ -52,6 +54,12 @@ def kirchhoff(case, found):  # type: ignore[no-untyped-def]
     return [Step(x, stress * steps.stretch_of(np.maximum(above, 0))[:, None]) for x, stress in found]
 
 
+def straight(case, found):  # type: ignore[no-untyped-def]
+    """What small strains and rotations give: displacements in proportion to the load."""
+    u = PointMethod("ours", gimp).analyse(replace(case, forces=case.carried, body_force=None)).u
+    return [Step(case.points.x + u * n / len(found), step.stress) for n, step in enumerate(found, 1)]
+
+
 SPOILT = {
     "Kirchhoff": (kirchhoff, "stress is Cauchy's", "mean error"),
     "one step less": (lambda case, found: found[:-1], "mirror image", "Misanswered: 3 steps of cantilever"),
@@ -61,8 +69,12 @@ SPOILT = {
         r"Misanswered: x \(288, 3\)",
     ),
     "not finite": (lambda case, found: [Step(x * np.nan, s) for x, s in found], "mirror image", "are not finite"),
+    "straight": (straight, "deflection of a slender cantilever", "of the arm, right"),
     "one way": (lambda case, found: [Step(np.abs(x), np.abs(s)) for x, s in found], "mirror image", ""),
 }
+
+
+KINDS = {"Kirchhoff": ["Kirchhoff's stress in place of Cauchy's"], "straight": ["small strains or rotations"]}
 
 
 @pytest.mark.parametrize("how", SPOILT)
@@ -71,7 +83,7 @@ def test_spoilt_steps_are_found(how: str) -> None:
     card = scorecard(Adapter(Theirs(spoil)), steps.checks())
     row = next(row for row in card.rows if row.check.name == check)
     assert row.verdict == "fails" and re.search(said, row.where)
-    assert card.kinds == (["Kirchhoff's stress in place of Cauchy's"] if how == "Kirchhoff" else [])
+    assert card.kinds == KINDS.get(how, [])
 
 
 def test_the_column_s_stretch_is_that_of_hencky_s_law() -> None:

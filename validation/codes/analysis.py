@@ -84,7 +84,10 @@ def mean_stress(code: Code, case: Case) -> Observed:
     ratio = np.divide(found, right, out=np.ones(2), where=right != 0)
     mixed = abs(ratio[0] - 1) <= EXACT and min(abs(ratio[1] - 2), abs(ratio[1] - 0.5)) < 0.01
     words = f"sigma_xx is {ratio[0]:.6g} times what acts, sigma_xy {ratio[1]:.6g} times"
-    return Observed(float(error.max()), words, "tensor and engineering shear mixed" if mixed else "")
+    kind = "tensor and engineering shear mixed" if mixed else ""
+    if np.all(np.abs(ratio + 1) <= EXACT):
+        kind = "stress positive in compression"
+    return Observed(float(error.max()), words, kind)
 
 
 def layered(code: Code) -> Observed:

@@ -151,8 +151,21 @@ def crossed(name: str, crossing: Crossing) -> Case:
     return cantilever(name, crossing(seed(domain, (0.5, 0.5)), domain).moved((HOME, HOME)))
 
 
-def column(name: str, cells: int, *, unequal: bool = False) -> Case:
-    """One cell wide on rollers, without Poisson's ratio, under its own weight, of stress one at the base; `unequal`
+def slender(name: str, load: float) -> Case:
+    """A cantilever ten times as long as deep, two cells deep, without Poisson's ratio, high enough on its grid to bend
+    down: P L^2 / EI = `load` on its last column of points, 3 x 3 in each cell; L is the arm of that column."""
+    length, depth = 20, 2
+    domain = Rectangle((HOME, HOME + length), (HOME + length, HOME + length + depth))
+    points = seed(domain, (1 / 3, 1 / 3))
+    last = points.x[:, 0] > HOME + length - 1 / 3
+    arm = float(points.x[:, 0].max()) - HOME
+    force = np.outer(last / last.sum(), [0.0, -load * depth**3 / 12 / arm**2])
+    grid = Grid((0.0, 0.0), (1.0, 1.0), (length + 4, length + depth + 4))
+    return Case(name, Body(domain, (clamped(),), (), ROD), points, grid, np.ones(len(points.x)), force)
+
+
+def column(name: str, cells: int, *, unequal: bool = False, weight: float = 1.0) -> Case:
+    """One cell wide on rollers, without Poisson's ratio, under its weight, of stress `weight` at the base; `unequal`
     points are 4 x 4 in each cell of the upper half."""
     inf = np.inf
     base = Support(Rectangle((-inf, -inf), (inf, HOME)), (False, True))
@@ -168,8 +181,8 @@ def column(name: str, cells: int, *, unequal: bool = False) -> Case:
                 for what in ("x", "volume", "half_length")
             )
         )
-    weight = np.tile([0.0, -1 / cells], (len(points.x), 1))
-    return case(name, (1, cells), (base, *sides), material=ROD, points=points, body_force=weight)
+    force = np.tile([0.0, -weight / cells], (len(points.x), 1))
+    return case(name, (1, cells), (base, *sides), material=ROD, points=points, body_force=force)
 
 
 def clamped_right(coordinate: float) -> Support:

@@ -71,10 +71,10 @@ class PointMethod:
         return Shape(index, N, grad_N)
 
     def steps(self, case: Case, count: int) -> list[Step]:
-        """Updated Lagrangian steps with Hencky's law, domains as they are, no background; see `Steps`."""
+        """Updated Lagrangian steps with Hencky's law, domains as they are, the usual background; see `Steps`."""
         body = replace(case.body, loads=(Carried(case.carried),))
         model = large_discretise(
-            body, shape_function=self.shape_function, steps=count, alpha=0.0, points=case.points, grid=case.grid
+            body, shape_function=self.shape_function, steps=count, points=case.points, grid=case.grid
         )
         found = []
         for state in trajectory(model, case.moduli).states[1:]:
