@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mpmtop.arrays import Array
+from mpmtop.errors import NotConverged, PointOutsideGrid
 from mpmtop.optimizers.mma import advance, approximate, step_once
 from mpmtop.optimizers.protocols import E, Problem, State, objectives
 from mpmtop.optimizers.state import check_move, scaled_functions, scaled_values, variable_range
@@ -39,6 +40,9 @@ class GCMMA:
     delta_i), 10 rho_i) where f~_i fell short, delta_i = (f_i - f~_i) / (d f~_i / d rho_i). After `max_inner` solves the
     last, most cautious design is taken. `warm_start` begins at half the last accepted curvature, not at
     `SingleStepGCMMA`'s.
+
+    A design that cannot be analysed, since large deformation finds no equilibrium for it or it leaves the grid, is one
+    that no approximation is conservative for: ten times the curvature, and the next try is nearer to the last design.
     """
 
     move: float = 0.3
@@ -51,7 +55,8 @@ class GCMMA:
             raise ValueError(f"max_inner {self.max_inner}: allow at least one solve")
 
     def step(self, problem: Problem[E], state: State, evaluation: E, df0: Array, dg: Array) -> tuple[State, E, int]:
-        """Next state, its evaluation and the solves spent (1 to max_inner); NotConverged if a value is not finite."""
+        """Next state, its evaluation and the solves spent (1 to max_inner); NotConverged if a value is not finite, and
+        what the analysis raises if the last of these cannot be analysed either."""
         state, f, df = scaled_functions(problem, state, evaluation, df0, dg)
         rho = _start_curvature(problem, df)
         if self.warm_start and state.iteration > 0:
@@ -61,8 +66,14 @@ class GCMMA:
             sub = approximate(problem, state, f, df, rho, self.move, k)
             r = solve_subproblem(sub)
             new_state = advance(problem, state, sub, r, rho)
-            new = problem.evaluate(new_state.x)
             solves += 1
+            try:
+                new = problem.evaluate(new_state.x)
+            except (NotConverged, PointOutsideGrid):
+                if solves == self.max_inner:
+                    raise
+                rho = 10 * rho
+                continue
             f_new = scaled_values(new_state, new)
             size = np.abs(f_new)
             size[k:] = np.maximum(size[k:], 1)

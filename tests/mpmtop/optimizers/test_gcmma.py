@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from mpmtop.errors import NotConverged, PointOutsideGrid
 from mpmtop.optimizers import GCMMA, MMA, SingleStepGCMMA, initial_state
 from mpmtop.optimizers.mma import approximate
 from mpmtop.optimizers.subproblem import approximation
@@ -25,6 +26,27 @@ def test_gcmma_never_rises_where_mma_does() -> None:
 def test_inner_iterations_are_limited() -> None:
     _, _, solves = steps(ripples(), GCMMA(max_inner=2), 10)
     assert 11 < solves <= 21
+
+
+@pytest.mark.parametrize("error", [NotConverged, PointOutsideGrid])
+def test_a_design_without_an_answer_is_stepped_back_from(error: type[Exception]) -> None:
+    """As in large deformation, where a trial may have no equilibrium: the run goes on, nearer to the last design; and
+    says so if no try is left."""
+    base = ripples()
+
+    def f(x: np.ndarray) -> float:
+        if np.max(x) > np.max(base.x0) + 0.05:
+            raise error("too far")
+        return base.f(x)
+
+    cliff = replace(base, f=f)
+    for rule in (GCMMA(), GCMMA(warm_start=True)):
+        last, history, solves = steps(cliff, rule, 10)
+        assert np.all(np.diff([e.objective for e in history]) <= 1e-8 * history[0].objective)
+        assert history[-1].objective < history[0].objective
+        assert last.x.max() > np.max(base.x0) + 0.025 and solves > 11
+    with pytest.raises(error, match="too far"):
+        steps(cliff, GCMMA(max_inner=1), 10)
 
 
 def test_curvatures_are_svanbergs() -> None:
