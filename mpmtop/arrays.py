@@ -1,4 +1,4 @@
-"""Array types: real numbers, indices and masks, of any shape; a docstring says which. And the numbers in one."""
+"""Array types: real numbers, indices and masks, of any shape; a docstring says which."""
 
 import numpy as np
 import numpy.typing as npt

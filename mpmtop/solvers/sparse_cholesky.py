@@ -33,7 +33,7 @@ INVERTED = 64
 """Pivots of the largest front whose L11 is inverted: a larger one is worth its own calls, and not the inversion."""
 
 BY_INDEX = 256
-"""Entries of an update that are added to the parent by index in the time of one slice, a hair above the optimum."""
+"""Entries of an update that are added to the parent by index in the time of one slice: 200 to 400 were as fast."""
 
 Runs = list[tuple[int, int, int, bool]]
 
