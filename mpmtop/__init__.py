@@ -4,7 +4,7 @@ What is stated, of either solver:
     region          Rectangle, Circle, Polygon, HalfPlane, LevelSet, Union, Intersection, Difference
     curves, outline what bounds them, to act on
     loads           PointLoad, RegionLoad, PositionLoad; Traction, Pressure; BodyForce, Weight
-    body            Body(domain, supports, loads, material, parts), Material, Part; Support, EdgeSupport, Spring
+    body            Body(domain, supports, loads, material, parts), Material, Part; Support, EdgeSupport, Spring, Bed
     design          Design(volume_fraction, filter_radius, penal, contrast, rho_min, passive_solid, passive_void, ...),
                     Projection, Mirror: the last two of its fields
     criteria        Compliance, PNormStress, Volume, Displacement; AtMost, AtLeast, Worst;
@@ -46,6 +46,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from mpmtop import export as export
     from mpmtop import plot as plot
+    from mpmtop.body import Bed as Bed
     from mpmtop.body import Body as Body
     from mpmtop.body import EdgeSupport as EdgeSupport
     from mpmtop.body import Material as Material
@@ -101,7 +102,7 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 _FROM = {
-    "body": ("Body", "EdgeSupport", "Material", "Part", "Spring", "Support"),
+    "body": ("Bed", "Body", "EdgeSupport", "Material", "Part", "Spring", "Support"),
     "design": ("Design", "Mirror", "Projection"),
     "loads": ("BodyForce", "PointLoad", "PositionLoad", "Pressure", "RegionLoad", "Traction", "Weight"),
     "comparison.compare": ("compare",),

@@ -111,9 +111,7 @@ class EdgeSupport:
 
     def directions(self, normal: Array) -> tuple[Array, ...]:
         """Unit vectors (n, 2) along which positions of outward normals (n, 2) are held."""
-        if self.direction is None:
-            return np.tile([1.0, 0.0], (len(normal), 1)), np.tile([0.0, 1.0], (len(normal), 1))
-        return (normal if self.direction == "normal" else np.tile(self.direction, (len(normal), 1)),)
+        return _along(self.direction, normal)
 
 
 @dataclass(frozen=True)
@@ -134,6 +132,37 @@ class Spring:
             raise InvalidScene(f"stiffness {self.stiffness} of a spring: give a positive number")
 
 
+@dataclass(frozen=True)
+class Bed:
+    """Elastic bed of `stiffness` [force / length^2] along the part of the domain's boundary that lies in `region`: it
+    pulls with -stiffness u per length, in both components, along a `direction` (2,), or along the "normal" only.
+
+    It has no slack: it pulls where the body lifts off as it pushes where the body sinks in.
+    """
+
+    region: Region
+    stiffness: float
+    direction: tuple[float, float] | Literal["normal"] | None = None
+
+    def __post_init__(self) -> None:
+        check_region("the region of a bed", self.region)
+        if not finite("stiffness of a bed", self.stiffness) > 0:
+            raise InvalidScene(f"stiffness {self.stiffness} of a bed: give a positive number")
+        if self.direction is not None and self.direction != "normal":
+            object.__setattr__(self, "direction", _direction("a bed", self.direction))
+
+    def directions(self, normal: Array) -> tuple[Array, ...]:
+        """Unit vectors (n, 2) along which it pulls at positions of outward normals (n, 2)."""
+        return _along(self.direction, normal)
+
+
+def _along(direction: tuple[float, float] | Literal["normal"] | None, normal: Array) -> tuple[Array, ...]:
+    """Unit vectors (n, 2): the axes, the normals (n, 2), or one direction for all."""
+    if direction is None:
+        return np.tile([1.0, 0.0], (len(normal), 1)), np.tile([0.0, 1.0], (len(normal), 1))
+    return (normal if direction == "normal" else np.tile(direction, (len(normal), 1)),)
+
+
 def _direction(of: str, value: Any) -> tuple[float, float]:
     x, y = finite_pair(f"direction of {of}", value)
     length = float(np.hypot(x, y))
@@ -150,7 +179,7 @@ class Body:
     """
 
     domain: Region
-    supports: tuple[Support | EdgeSupport | Spring, ...]
+    supports: tuple[Support | EdgeSupport | Spring | Bed, ...]
     loads: tuple[Load, ...] = ()
     material: Material = field(default_factory=Material)
     parts: tuple[Part, ...] = ()
@@ -178,8 +207,8 @@ class Body:
         if not self.supports:
             raise UnsupportedBody("the body has no support: add one")
         for support in self.supports:
-            if not isinstance(support, Support | EdgeSupport | Spring):
-                raise InvalidScene(f"support {support!r}: give a `Support`, an `EdgeSupport` or a `Spring`")
+            if not isinstance(support, Support | EdgeSupport | Spring | Bed):
+                raise InvalidScene(f"support {support!r}: give a `Support`, an `EdgeSupport`, a `Spring` or a `Bed`")
         for load in self.loads:
             if not hasattr(load, "act"):
                 raise InvalidScene(f"load {load!r}: give a `PointLoad`, `RegionLoad` or `PositionLoad`")
@@ -204,6 +233,11 @@ class Body:
     def springs(self) -> tuple[Spring, ...]:
         """The springs."""
         return tuple(support for support in self.supports if isinstance(support, Spring))
+
+    @property
+    def beds(self) -> tuple[Bed, ...]:
+        """The elastic beds."""
+        return tuple(support for support in self.supports if isinstance(support, Bed))
 
     @property
     def is_displaced(self) -> bool:
@@ -251,9 +285,9 @@ def check_load_steps(body: Body, x: Array, volume: Array, tol: float) -> None:
     outline or by volume, and several materials. Arguments as for `Load.act`."""
     if body.parts:
         raise InvalidScene("parts of another material are of small strain: in large deformation leave out `parts`")
-    if body.springs or body.edges or body.is_displaced:
+    if body.springs or body.edges or body.beds or body.is_displaced:
         raise InvalidScene(
-            "springs, supports along the outline and prescribed displacements are of small strain: in large "
+            "springs, beds, supports along the outline and prescribed displacements are of small strain: in large "
             "deformation give each `Support` a region of nodes, without a displacement"
         )
     acts = action(body.loads, x, volume, tol)

@@ -209,7 +209,8 @@ class RegionLoad:
 
 @dataclass(frozen=True)
 class Traction:
-    """Force per length (2,) on the part of the body's boundary that lies in `region`.
+    """Force per length (2,), or a function that gives one (n, 2) for positions (n, 2), on the part of the body's
+    boundary that lies in `region`.
 
     The region may be as thin as the edge itself, Rectangle((40, 8), (40, 12)). The domain's own outline counts, not
     that of cells or elements: the sum of forces is the traction times its length. On stairs of cells or points forces
@@ -217,32 +218,43 @@ class Traction:
     """
 
     region: Region
-    force: tuple[float, float]
+    force: tuple[float, float] | Vectors
 
     def __post_init__(self) -> None:
         check_region("the region of a traction", self.region)
-        object.__setattr__(self, "force", finite_pair("traction", self.force))
+        if not callable(self.force):
+            object.__setattr__(self, "force", finite_pair("traction", self.force))
 
     def act(self, x: Array, volume: Array, tol: float) -> Action:
-        """The same along all of the boundary in the region."""
-        return at_places()._replace(along=(Along(self.region, lambda x, normal: np.tile(self.force, (len(x), 1))),))
+        """t."""
+        force = _vectors(self.force)
+        return at_places()._replace(
+            along=(Along(self.region, lambda x, normal: _given("traction", force(x), x.shape)),)
+        )
 
 
 @dataclass(frozen=True)
 class Pressure:
-    """Pressure on the part of the body's boundary that lies in `region`: a force per length against the outward normal,
-    suction where it is negative. See `Traction`."""
+    """Pressure, or a function that gives it (n,) for positions (n, 2), on the part of the body's boundary that lies in
+    `region`: a force per length against the outward normal, suction where it is negative. See `Traction`."""
 
     region: Region
-    pressure: float
+    pressure: float | Vectors
 
     def __post_init__(self) -> None:
         check_region("the region of a pressure", self.region)
-        object.__setattr__(self, "pressure", finite("pressure", self.pressure))
+        if not callable(self.pressure):
+            object.__setattr__(self, "pressure", finite("pressure", self.pressure))
 
     def act(self, x: Array, volume: Array, tol: float) -> Action:
         """-p n."""
-        return at_places()._replace(along=(Along(self.region, lambda x, normal: -self.pressure * normal),))
+
+        def traction(x: Array, normal: Array) -> Array:
+            if not callable(self.pressure):
+                return -self.pressure * normal
+            return -_given("pressure", self.pressure(x), (len(x),))[:, None] * normal
+
+        return at_places()._replace(along=(Along(self.region, traction),))
 
 
 @dataclass(frozen=True)
@@ -285,6 +297,16 @@ def _per_volume(what: str, force: Any, region: Region | None) -> object:
     if region is not None:
         check_region(f"the region of a {what}", region)
     return force if callable(force) else finite_pair(what, force)
+
+
+def _given(what: str, values: Any, shape: tuple[int, ...]) -> Array:
+    """What a function gave, as an array; InvalidScene unless it is finite and has the shape."""
+    found = np.asarray(values, float)
+    if found.shape != shape or not np.all(np.isfinite(found)):
+        raise InvalidScene(
+            f"a {what} by a function gave {found.shape} for {shape[0]} positions: return finite numbers {shape}"
+        )
+    return found
 
 
 def _vectors(force: tuple[float, float] | Vectors) -> Vectors:

@@ -56,6 +56,7 @@ def _support_plan(model: Model) -> list[str]:
             (moved, "of prescribed displacement: their forces on the body are part of the load"),
             (len(body.edges), "along the outline, weakly (Nitsche)"),
             (len(body.springs), "springs"),
+            (len(body.beds), "elastic beds"),
         )
         if count
     ]

@@ -4,7 +4,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from mpmtop.body import Body, Support
+from mpmtop.body import Bed, Body, EdgeSupport, Spring, Support
 from mpmtop.criteria import AtMost, Compliance, Criterion, PNormStress, Volume, Worst, check_criterion
 from mpmtop.design import Design
 from mpmtop.errors import InvalidScene, LoadOutsideBody
@@ -20,7 +20,7 @@ class LoadCase:
 
     loads: tuple[Load, ...]
     weight: float = 1.0
-    supports: tuple[Support, ...] | None = None
+    supports: tuple[Support | EdgeSupport | Spring | Bed, ...] | None = None
 
     def __post_init__(self) -> None:
         if not isinstance(self.loads, tuple):

@@ -1,6 +1,6 @@
 """Ties: springs, and supports along the outline, which need not follow the grid's lines.
 
-A spring of stiffness k at x_s along a unit vector d adds the energy k (d . u(x_s))^2 / 2.
+A spring of stiffness k at x_s along a unit vector d adds the energy k (d . u(x_s))^2 / 2, a bed int k (d . u)^2 / 2 ds.
 
 An edge G held along d is tied by Nitsche's symmetric method. With the traction t = n . sigma(u) it adds
 
@@ -26,10 +26,10 @@ import scipy.sparse as sp
 from scipy.spatial import cKDTree
 
 from mpmtop.arrays import Array, Index
-from mpmtop.body import Body, EdgeSupport, Spring
+from mpmtop.body import Bed, Body, EdgeSupport, Spring
 from mpmtop.errors import LoadOutsideBody, PositionOutsideBody, UnsupportedBody
 from mpmtop.grid import Grid
-from mpmtop.outline import surface
+from mpmtop.outline import Surface, surface
 from mpmtop.points import MaterialPoints
 from mpmtop.shape_functions import Ends, ShapeFunction
 from mpmtop.transfer import Transfer, functions_at, functions_near
@@ -42,11 +42,12 @@ BOUND = 2.0
 
 @dataclass(frozen=True, eq=False)
 class Ties:
-    """Rows over the nodal displacements (2a,): `spring` (s, 2a), times sqrt(k); for q positions of edges, times the
+    """Rows over the nodal displacements (2a,): `spring` (s, 2a), times sqrt(k), those of beds at
+    positions of the outline, too, times the root of their length; for q positions of edges, times the
     root of their length, `hold` (q, 2a), d . u, and `pull` (q, 2a), d . t at unit modulus. `penalty` (q,) is alpha, and
     `modulus` (q, p) takes each position's point. They are of the supports `stated`."""
 
-    stated: tuple[EdgeSupport | Spring, ...]
+    stated: tuple[EdgeSupport | Spring | Bed, ...]
     spring: sp.csr_array
     hold: sp.csr_array
     pull: sp.csr_array
@@ -65,9 +66,9 @@ class Ties:
         return self.spring.T @ (self.spring @ u) + by_hold - self.pull.T @ (E * held)
 
 
-def stated_ties(body: Body) -> tuple[EdgeSupport | Spring, ...]:
+def stated_ties(body: Body) -> tuple[EdgeSupport | Spring | Bed, ...]:
     """The supports of a body that are ties."""
-    return *body.edges, *body.springs
+    return *body.edges, *body.springs, *body.beds
 
 
 def tie(
@@ -81,7 +82,8 @@ def tie(
 ) -> Ties:
     """Ties of a body, with tangent D (3, 3) or (p, 3, 3) at unit modulus.
 
-    UnsupportedBody for an edge support without boundary, LoadOutsideBody for a spring where there is no material.
+    UnsupportedBody for an edge support or a bed without boundary, LoadOutsideBody for a spring where there is no
+    material.
     """
     nodes, p = transfer.nodes, len(points.volume)
     if not stated_ties(body):
@@ -90,14 +92,7 @@ def tie(
     hold, pull = [sp.csr_array((0, 2 * len(nodes)))], [sp.csr_array((0, 2 * len(nodes)))]
     penalty, nearest = [np.empty(0)], [np.empty(0, np.intp)]
     for support in body.edges:
-        on = surface(body.domain, support.region, grid.lines)
-        if len(on.x) == 0:
-            lower, upper = support.region.bounds
-            raise UnsupportedBody(f"no boundary of the domain lies in an edge support from {lower} to {upper}: move it")
-        try:
-            at = functions_near(grid, points, nodes, shape_function, on.x).functions
-        except PositionOutsideBody as error:
-            raise UnsupportedBody(f"an edge is held at {error}") from error
+        on, N = _on_outline(body, support, grid, points, nodes, shape_function)
         # of points as near as each other the lower left one
         point = cKDTree(points.x).query(on.x - np.multiply(ASIDE, grid.h))[1]
         length = np.bincount(point, on.length, p)
@@ -106,7 +101,7 @@ def tie(
         traction = _traction(on.normal, here, transfer.B, point)
         root = np.sqrt(on.length)[:, None]
         for d in support.directions(on.normal):
-            hold.append(_along(root * d, *_components(at.N)))
+            hold.append(_along(root * d, *_components(N)))
             pull.append(_along(root * d, *traction))
             penalty.append(alpha)
             nearest.append(point)
@@ -118,10 +113,34 @@ def tie(
             raise LoadOutsideBody(f"a spring acts at {error}") from error
         along = _along(np.array([spring.direction]), *_components(functions.N))
         rows.append(sp.csr_array(np.sqrt(spring.stiffness) * along))
+    for bed in body.beds:
+        on, N = _on_outline(body, bed, grid, points, nodes, shape_function)
+        root = np.sqrt(bed.stiffness * on.length)[:, None]
+        rows += [_along(root * d, *_components(N)) for d in bed.directions(on.normal)]
     spring, hold_all, pull_all = (sp.csr_array(sp.vstack(part, format="csr")) for part in (rows, hold, pull))
     own = np.concatenate(nearest)
     modulus = sp.csr_array((np.ones(len(own)), own, np.arange(len(own) + 1)), shape=(len(own), p))
     return Ties(stated_ties(body), spring, hold_all, pull_all, np.concatenate(penalty), modulus)
+
+
+def _on_outline(
+    body: Body,
+    support: EdgeSupport | Bed,
+    grid: Grid,
+    points: MaterialPoints,
+    nodes: Index,
+    shape_function: ShapeFunction,
+) -> tuple[Surface, sp.csr_array]:
+    """The outline in a support's region, and the functions N (k, a) there."""
+    what = "an edge support" if isinstance(support, EdgeSupport) else "a bed"
+    on = surface(body.domain, support.region, grid.lines)
+    if len(on.x) == 0:
+        lower, upper = support.region.bounds
+        raise UnsupportedBody(f"no boundary of the domain lies in {what} from {lower} to {upper}: move it")
+    try:
+        return on, functions_near(grid, points, nodes, shape_function, on.x).functions.N
+    except PositionOutsideBody as error:
+        raise UnsupportedBody(f"{what} holds an edge at {error}") from error
 
 
 def _components(N: sp.csr_array) -> tuple[sp.csr_array, sp.csr_array]:

@@ -44,7 +44,7 @@ def _in_case(models: Sequence[FemModel], body: Body) -> FemModel:
     held = held_dofs(body, model.basis, tol)
     free = np.flatnonzero(~held)
     for alike in models:
-        tied_alike = (alike.body.edges, alike.body.springs) == (body.edges, body.springs)
+        tied_alike = _tied(alike.body) == _tied(body)
         if np.array_equal(np.sort(alike.free), free) and tied_alike:
             u = prescribed(body.held, model.basis, tol) if body.is_displaced else None
             found = replace(alike, body=body, f_ext=forces.fixed, weight=forces.weight, prescribed=u)
@@ -54,6 +54,10 @@ def _in_case(models: Sequence[FemModel], body: Body) -> FemModel:
         found = replace(new, forces_of=model.forces_of)
     check_work(found.force(np.ones(len(found.area)))[found.free], forces.size)
     return found
+
+
+def _tied(body: Body) -> tuple[object, ...]:
+    return body.edges, body.springs, body.beds
 
 
 def states(models: tuple[FemModel, ...], moduli: Array, rho: Array) -> tuple[State, ...]:

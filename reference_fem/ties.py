@@ -14,7 +14,7 @@ from skfem import CellBasis
 from skfem.helpers import sym_grad
 
 from mpmtop.arrays import Array, Index
-from mpmtop.body import Body
+from mpmtop.body import Bed, Body, EdgeSupport
 from mpmtop.errors import UnsupportedBody
 from mpmtop.outline import Surface
 from reference_fem.mesh import shortest_side
@@ -24,8 +24,9 @@ ASIDE = np.array([1e-7, 0.7e-7])  # of a side: from where the nearest Gauss poin
 
 
 class Ties(NamedTuple):
-    """Rows (s, N) of springs, times the root of their stiffness; of edges (q, N), times the root of their length: d . u
-    and d . t at unit modulus; alpha (q,), and the element (q,) whose modulus each has."""
+    """Rows (s, N) of springs, and of beds at positions of the outline, times the root of their stiffness; of edges
+    (q, N), times the root of their length: d . u and d . t at unit modulus; alpha (q,), and the element (q,) whose
+    modulus each has."""
 
     spring: sp.csr_matrix
     hold: sp.csr_matrix
@@ -57,21 +58,16 @@ class Ties(NamedTuple):
 
 def tie(body: Body, basis: CellBasis, kind: MeshKind, lam: float | Array, mu: float | Array) -> Ties:
     """Ties of a body with Lame's parameters at unit modulus, numbers or (e,). UnsupportedBody for an edge support
-    without boundary."""
+    or a bed without boundary."""
     N = basis.N
     hold, pull = [sp.csr_matrix((0, N))], [sp.csr_matrix((0, N))]
     alpha, element = [np.empty(0)], [np.empty(0, np.intp)]
     for support in body.edges:
-        on = outline(body.domain, support.region, basis.mesh, kind)
-        if len(on.x) == 0:
-            lower, upper = support.region.bounds
-            raise UnsupportedBody(f"no boundary of the domain lies in an edge support from {lower} to {upper}: move it")
+        on = _held_outline(body, support, "an edge support", basis, kind)
         at = at_outline(basis, on.x, kind)
         traction, penalty, owner = _traction(basis, on, lam, mu)
         for d in support.directions(on.normal):
-            weight = sp.csr_matrix(
-                ((np.sqrt(on.length)[:, None] * d).ravel(), np.arange(2 * len(d)), 2 * np.arange(len(d) + 1))
-            )
+            weight = _each_along(np.sqrt(on.length)[:, None] * d)
             hold.append(weight @ at.N)
             pull.append(weight @ traction)
             alpha.append(penalty)
@@ -80,8 +76,25 @@ def tie(body: Body, basis: CellBasis, kind: MeshKind, lam: float | Array, mu: fl
     for spring in body.springs:
         here: AtOutline = at_outline(basis, np.array([spring.position]), kind)
         springs.append(np.sqrt(spring.stiffness) * (sp.csr_matrix([spring.direction]) @ here.N))
+    for bed in body.beds:
+        on = _held_outline(body, bed, "a bed", basis, kind)
+        N_on, root = at_outline(basis, on.x, kind).N, np.sqrt(bed.stiffness * on.length)[:, None]
+        springs += [_each_along(root * d) @ N_on for d in bed.directions(on.normal)]
     spring_rows, hold_rows, pull_rows = (sp.vstack(part, format="csr") for part in (springs, hold, pull))
     return Ties(spring_rows, hold_rows, pull_rows, np.concatenate(alpha), np.concatenate(element))
+
+
+def _held_outline(body: Body, support: EdgeSupport | Bed, what: str, basis: CellBasis, kind: MeshKind) -> Surface:
+    on = outline(body.domain, support.region, basis.mesh, kind)
+    if len(on.x) == 0:
+        lower, upper = support.region.bounds
+        raise UnsupportedBody(f"no boundary of the domain lies in {what} from {lower} to {upper}: move it")
+    return on
+
+
+def _each_along(d: Array) -> sp.csr_matrix:
+    """Rows (k, 2k) that take d_k . u_k of displacements at k positions, for vectors d (k, 2)."""
+    return sp.csr_matrix((d.ravel(), np.arange(d.size), 2 * np.arange(len(d) + 1)))
 
 
 def _traction(

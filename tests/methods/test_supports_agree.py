@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial import KDTree
 
-from mpmtop.body import Body, EdgeSupport, Material, Spring, Support
+from mpmtop.body import Bed, Body, EdgeSupport, Material, Spring, Support
 from mpmtop.criteria import Compliance, PNormStress
 from mpmtop.design import Design
 from mpmtop.equilibrium import equilibrium
@@ -31,6 +31,11 @@ SUPPORTS = {
     "displaced": (LEFT_CLAMP, Support(Rectangle((6, 3), (6, 3)), (True, True), (0.1, -0.2))),
     "springs": (LEFT_CLAMP, Spring((6, 3), 0.4, (1, 2)), Spring((5.3, 1.2), 2.0, (0, 1))),
     "edges": (EdgeSupport(Rectangle((0, 0), (0, 3))), EdgeSupport(Rectangle((2, 0), (4.5, 0)), (1, 3))),
+    "bed": (
+        Bed(Rectangle((0, 0), (6, 0)), 0.3),
+        Bed(Rectangle((0, 0), (0, 3)), 2.0, "normal"),
+        Spring((6, 3), 0.4, (1, 2)),
+    ),
     "all": (EdgeSupport(Rectangle((0, 0), (6, 0)), "normal"), Spring((6, 3), 0.4, (1, 2)), GRIP),
 }
 CHOSEN = pytest.mark.parametrize("supports", list(SUPPORTS.values()), ids=list(SUPPORTS))

@@ -8,13 +8,13 @@ import pytest
 
 from mpmtop.arrays import Array
 from mpmtop.at_points import fields_at_points
-from mpmtop.body import Body, EdgeSupport, Material, Spring, Support
+from mpmtop.body import Bed, Body, EdgeSupport, Material, Spring, Support
 from mpmtop.criteria import Compliance, PNormStress
 from mpmtop.design import Design
 from mpmtop.equilibrium import equilibrium
 from mpmtop.errors import InvalidScene, LoadOutsideBody, UnsupportedBody
 from mpmtop.grid import Grid
-from mpmtop.loads import PointLoad, PositionLoad, Traction
+from mpmtop.loads import PointLoad, PositionLoad, Pressure, Traction
 from mpmtop.material import simp
 from mpmtop.model import Model, discretise
 from mpmtop.planning import plan
@@ -66,11 +66,12 @@ def turned(degrees: float) -> Array:
 
 
 def every_tie(shape_function: ShapeFunction) -> Model:
-    """A body on a held oblique edge, a spring and a displaced support, under a load."""
+    """A body on a held oblique edge, a spring, a bed and a displaced support, under a load."""
     low = Polygon(((0, 0), (7, 0.8), (7, 3.3), (0, 3.3)))
     supports = (
         EdgeSupport(HalfPlane((0, 0.01), (-0.8 / 7, 1)), "normal"),
         Spring((6.5, 2.9), 0.3, (1, 2)),
+        Bed(Rectangle((2, 3.3), (4.2, 3.3)), 0.2),
         Support(Rectangle((-1, 2.9), (0.1, 3.1)), (True, False), (0.2, 0.0)),
     )
     body = Body(low, supports, (Traction(Rectangle((7, 0), (7, 4)), (0.3, -0.1)),))
@@ -187,6 +188,19 @@ def test_a_spring_takes_its_share() -> None:
     np.testing.assert_allclose(at.reaction.sum(axis=0), [-4, 0], atol=1e-9)
 
 
+@pytest.mark.parametrize(("shape_function", "shift"), [(tent, 0.0), (gimp, 0.0), (gimp, 0.3)])
+def test_a_column_sinks_into_its_bed(shape_function: ShapeFunction, shift: float) -> None:
+    """By p / k, and by p y / E more at height y; with GIMP wherever the grid's lines run."""
+    side = Support(Rectangle((-INF, -INF), (0, INF)), (True, False))
+    bed = Bed(Rectangle((0, 0), (8, 0)), 0.5, "normal")
+    body = Body(BOX, (side, bed), (Pressure(Rectangle((0, 4), (8, 4)), 3.0),), Material(20.0, 0.0))
+    grid = Grid((-3.0, -3.0 - shift), (1.0, 1.0), (14, 11))
+    model = discretise(body, shape_function=shape_function, points=seed(BOX, (0.5, 0.5)), grid=grid)
+    state = equilibrium(model, np.full(len(model.points.x), 20.0))
+    sunk = model.transfer.interpolate(state.u)[:, 1]
+    np.testing.assert_allclose(sunk, -3.0 / 0.5 - 3.0 * model.points.x[:, 1] / 20.0, rtol=1e-10)
+
+
 def test_what_was_made_for_other_ties_is_refused() -> None:
     model = every_tie(tent)
     other = replace(model.body, supports=(*model.body.supports, Spring((1, 1), 1.0, (1, 0))))
@@ -195,7 +209,7 @@ def test_what_was_made_for_other_ties_is_refused() -> None:
 
 
 def test_all_of_them_are_in_the_fingerprint() -> None:
-    def fingerprint(*supports: Support | EdgeSupport | Spring) -> str:
+    def fingerprint(*supports: Support | EdgeSupport | Spring | Bed) -> str:
         body = Body(BOX, supports, (PointLoad((8, 2), (0, -1)),))
         return DesignProblem(discretise(body, 1.0), DESIGN).fingerprint
 
@@ -206,6 +220,8 @@ def test_all_of_them_are_in_the_fingerprint() -> None:
         fingerprint(LEFT_CLAMP, Spring((8, 2), 2.0, (0, 1))),
         fingerprint(LEFT_CLAMP, Spring((8, 2), 2.0, (1, 1))),
         fingerprint(EdgeSupport(held)),
+        fingerprint(LEFT_CLAMP, Bed(Rectangle((8, 0), (8, 4)), 1.0)),
+        fingerprint(LEFT_CLAMP, Bed(Rectangle((8, 0), (8, 4)), 2.0)),
         fingerprint(EdgeSupport(held, "normal"), Spring((8, 2), 1.0, (0, 1))),
         fingerprint(replace(LEFT_CLAMP, displacement=(0.1, 0.0))),
         fingerprint(replace(LEFT_CLAMP, displacement=(0.2, 0.0))),
@@ -224,6 +240,12 @@ WRONG: Any = (1, 2, 3)
         (lambda: EdgeSupport(WRONG), "region of an edge support"),
         (lambda: EdgeSupport(LEFT, (0.0, 0.0)), "direction of an edge support is zero"),
         (lambda: EdgeSupport(LEFT, WRONG), "direction of an edge support .* two finite numbers"),
+        (lambda: Bed(WRONG, 1.0), "region of a bed"),
+        (lambda: Bed(LEFT, -1.0), "stiffness -1.0 of a bed"),
+        (lambda: Bed(LEFT, "1"), "stiffness of a bed"),
+        (lambda: Bed(LEFT, np.nan), "stiffness of a bed nan"),
+        (lambda: Bed(LEFT, 1.0, (0.0, 0.0)), "direction of a bed is zero"),
+        (lambda: Bed(LEFT, 1.0, "along"), "direction of a bed .* two finite numbers"),
         (lambda: Spring((0, 0), 0.0, (1, 0)), "stiffness 0.0 of a spring"),
         (lambda: Spring((0, 0), np.inf, (1, 0)), "stiffness of a spring inf"),
         (lambda: Spring((0, 0), 1.0, (0, 0)), "direction of a spring is zero"),
@@ -240,6 +262,8 @@ def test_what_a_model_cannot_hold_is_named() -> None:
     load = PositionLoad((8, 2), (0.0, -1.0))
     with pytest.raises(UnsupportedBody, match="no boundary of the domain"):
         discretise(Body(BOX, (LEFT_CLAMP, EdgeSupport(Circle((4, 2), 1))), (load,)), 1.0)
+    with pytest.raises(UnsupportedBody, match="lies in a bed"):
+        discretise(Body(BOX, (LEFT_CLAMP, Bed(Circle((4, 2), 1), 1.0)), (load,)), 1.0)
     points = seed(Rectangle((0, 0), (5, 4)), (0.5, 0.5))
     with pytest.raises(LoadOutsideBody, match="a spring acts at"):
         discretise(Body(BOX, (LEFT_CLAMP, Spring((8, 2), 1.0, (1, 0)))), 1.0, points=points)

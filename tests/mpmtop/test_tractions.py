@@ -39,6 +39,20 @@ def bar(length: float, load: Load) -> Body:
     return Body(Rectangle((0, 0), (length, WIDTH)), ROLLERS, (load,), Material(E, 0.3))
 
 
+@EVERY
+def test_water_behind_a_wall(shape_function: ShapeFunction) -> None:
+    """A pressure that grows with depth: resultant and moment of the triangle, by a function of either kind."""
+    wall = Rectangle((8, 0), (8, WIDTH))
+    water = bar(8, Pressure(wall, lambda x: WIDTH - x[:, 1]))
+    pushed = bar(8, Traction(wall, lambda x: np.column_stack([x[:, 1] - WIDTH, 0 * x[:, 1]])))
+    of_water, of_push = (discretise(body, 1.0, shape_function=shape_function) for body in (water, pushed))
+    force = of_water.f_ext.reshape(-1, 2)
+    np.testing.assert_allclose(of_push.f_ext, of_water.f_ext, atol=1e-13)
+    assert force.sum(axis=0) == pytest.approx([-(WIDTH**2) / 2, 0], abs=1e-12)
+    nodes = of_water.grid.node_positions(of_water.transfer.nodes)
+    assert nodes[:, 1] @ force[:, 0] == pytest.approx(-(WIDTH**3) / 6, rel=1e-12)
+
+
 def pulled(shape_function: ShapeFunction, shift: float, ppc: int = 2) -> Array:
     """Stresses (p, 3) of a bar whose end lies `shift` beyond a line of the grid, under a traction of 1."""
     length = LENGTH + shift
@@ -187,6 +201,9 @@ NO_REGION: Any = (8, 4)
     [
         (lambda: Traction(NO_REGION, (1, 0)), "region of a traction"),
         (lambda: Traction(EDGE, NO_PAIR), "traction .* two finite numbers"),
+        (lambda: discretise(bar(8, Traction(EDGE, lambda x: x[:, 0])), 1.0), "traction by a function gave"),
+        (lambda: discretise(bar(8, Pressure(EDGE, lambda x: x)), 1.0), "pressure by a function gave"),
+        (lambda: discretise(bar(8, Pressure(EDGE, lambda x: np.inf * x[:, 0])), 1.0), "return finite numbers"),
         (lambda: Traction(EDGE, (np.nan, 0)), "two finite numbers"),
         (lambda: Pressure(EDGE, np.inf), "pressure inf: give a finite number"),
         (lambda: Pressure(EDGE, "high"), "give a finite number"),  # type: ignore[arg-type]
