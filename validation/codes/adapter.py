@@ -60,7 +60,13 @@ def write_template(name: str) -> Path:
     return path
 
 
-WAYS = {"analysis": "analyse", "gradient": "gradient", "shape functions": "shape", "load steps": "steps"}
+WAYS = {
+    "analysis": "analyse",
+    "gradient": "gradient",
+    "load steps": "steps",
+    "shape functions": "shape",
+    "sheared domains": "shape_of_corners",
+}
 """The method of each way in."""
 
 
@@ -99,6 +105,10 @@ class Adapter:
     def shape(self, x: Array, half_length: Array, grid: Grid) -> Shape:
         """As the code gives them."""
         return Shape(*self.code.shape(x, half_length, grid))
+
+    def shape_of_corners(self, corners: Array, grid: Grid) -> Shape:
+        """As the code gives them."""
+        return Shape(*self.code.shape_of_corners(corners, grid))
 
 
 def _capabilities(code: Any) -> frozenset[Capability]:

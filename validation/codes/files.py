@@ -64,7 +64,8 @@ reads lines `LEVEL STEPS`: it makes STEPS time steps under LEVEL times the force
 """
 
 
-KNOWN: tuple[Capability, ...] = get_args(Capability)
+KNOWN: tuple[Capability, ...] = tuple(word for word in get_args(Capability) if word != "sheared domains")
+"""What can be asked in files."""
 BLOCKS = ("ramp", "block", "blocks")
 LARGEST = 2**26
 """Bytes of an answer that is read: 64 MB; the largest asked for, some ten load steps of 288 points, has half of one."""
@@ -95,7 +96,7 @@ def read_code(path: Path) -> CodeFile:
             f"{path}: give `name` and a list of `capabilities` as JSON, and numbers for `explicit` ({error})"
         ) from error
     if unknown := sorted(found[2] - set(KNOWN)):
-        raise NoAdapter(f"{path}: {unknown} are no capabilities; there are {KNOWN}")
+        raise NoAdapter(f"{path}: {unknown} are no capabilities in files; there are {KNOWN}")
     return CodeFile(*found, explicit)
 
 

@@ -62,9 +62,14 @@ def sample(
 def asked(code: HasShape, at: Sample, x: Array | None = None) -> Shape:
     """The code's functions at a sample, or at other positions with its domains; Misanswered if they are none."""
     x = at.x if x is None else x
-    node, N, grad_N = code.shape(x, at.half_length[: len(x)], at.grid)
+    return counted(code.shape(x, at.half_length[: len(x)], at.grid), len(x), at.grid)
+
+
+def counted(given: Shape, k: int, grid: Grid) -> Shape:
+    """Functions at k positions as a code gave them, counted, finite, on nodes of the grid; Misanswered if not."""
+    node, N, grad_N = given
     N, grad_N, node = np.asarray(N, float), np.asarray(grad_N, float), np.asarray(node)
-    k, n = len(x), N.shape[-1] if N.ndim else 0
+    n = N.shape[-1] if N.ndim else 0
     if node.shape != (k, n, 2) or N.shape != (k, n) or grad_N.shape != (k, n, 2):
         raise Misanswered(
             f"node {node.shape}, N {N.shape}, grad N {grad_N.shape} for {k} points: give (k, n, 2), (k, n), (k, n, 2)"
@@ -72,7 +77,7 @@ def asked(code: HasShape, at: Sample, x: Array | None = None) -> Shape:
     if not (np.all(np.isfinite(N)) and np.all(np.isfinite(grad_N))):
         raise Misanswered("values or gradients are not finite")
     used = (N != 0) | np.any(grad_N != 0, axis=-1)
-    if np.any(used & ~np.all((node >= 0) & (node <= at.grid.cells), axis=-1)):
+    if np.any(used & ~np.all((node >= 0) & (node <= grid.cells), axis=-1)):
         raise Misanswered("nodes lie outside the grid: give lattice indices (i, j), from the origin on")
     return Shape(node.astype(np.intp), N, grad_N)
 

@@ -24,6 +24,7 @@ Capability = Literal[
     "analysis",  # `analyse`: displacement and stress at the points of a case
     "gradient",  # `gradient`: of its compliance by the points' moduli
     "shape functions",  # `shape`: nodes, values and gradients at positions
+    "sheared domains",  # `shape_of_corners`: the same of parallelograms, by their corners
     "load steps",  # `steps`: positions and stress after each step of large deformation
     "quadrature at points",  # the points' stresses, by their volumes, make the internal force
     "moduli by point",
@@ -219,6 +220,14 @@ class HasShape(Method, Protocol):
 
     def shape(self, x: Array, half_length: Array, grid: Grid) -> Shape:
         """Functions of the grid's nodes at positions x (k, 2) with domains of half_length (k, 2)."""
+        ...
+
+
+class HasCorners(Method, Protocol):
+    """Capable of "sheared domains"."""
+
+    def shape_of_corners(self, corners: Array, grid: Grid) -> Shape:
+        """Functions of the grid's nodes of parallelograms by their corners (k, 4, 2), counter-clockwise from any."""
         ...
 
 
