@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 SMALL = 1e-7
-"""Of E h^2, for the larger sum of forces along an axis. Displacements are then of some 1e-5 cells: finite strain is of
+"""Of E h^2, for the larger sum of the forces' sizes along an axis. Displacements are then of some 1e-5 cells: finite strain is of
 that order, and positions, ten cells from the origin, are rounded to 1e-15 in each of some thousand steps."""
 COURANT = 0.2
 """Part of the time in which a pressure wave crosses a cell: cells with few points are stiffer than full ones."""
@@ -60,7 +60,7 @@ class Layer:
         self.young = self.points["young"]
         self.density = float(self.young.mean())  # so that waves take about as long in any units
         stiff = self.young.mean() * self.h.min() * self.depth
-        self.scale = float(SMALL * stiff / np.abs(self.force.sum(axis=0)).max())
+        self.scale = float(SMALL * stiff / np.abs(self.force).sum(axis=0).max())
 
     @property
     def time_step(self) -> float:
