@@ -21,8 +21,8 @@ from typing import Any
 import numpy as np
 
 SMALL = 1e-7
-"""Of E h^2, for the larger sum of the forces' sizes along an axis. Displacements are then of some 1e-5 cells: finite strain is of
-that order, and positions, ten cells from the origin, are rounded to 1e-15 in each of some thousand steps."""
+"""Of E h^2, for the sum of the forces' sizes along an axis. Displacements are then of some 1e-5 cells: finite strain is
+of that order, and positions, ten cells from the origin, are rounded to 1e-15 in each of some thousand steps."""
 COURANT = 0.2
 """Part of the time in which a pressure wave crosses a cell: cells with few points are stiffer than full ones."""
 LOOK = 5
