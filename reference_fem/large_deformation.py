@@ -31,7 +31,7 @@ from reference_fem.mesh import GEOMETRY_TOLERANCE, shortest_side
 TOLERANCE = 1e-11
 """Of |R| against applied forces and reactions: Newton is quadratic, the next step would be at rounding."""
 ROUNDING = 1e-15
-"""Part of the largest stiffness times the largest displacement, and of E times the sizes of elements, left in R."""
+"""Part of the largest stiffness times the largest displacement and the body's extent, wherever it lies, left in R."""
 MAX_NEWTON = 25
 """Newton steps for one part of the load; 4 to 9 are usual."""
 MAX_HALVINGS = 5
@@ -273,7 +273,8 @@ def _newton(
     held[model.fem.free] = False
     external = level * model.fem.f_ext
     share = np.ones(len(moduli)) if nonlinear is None else nonlinear
-    for _ in range(MAX_NEWTON):
+    extent = float(np.ptp(model.basis.mesh.p, axis=1).max())
+    for k in range(MAX_NEWTON):
         if np.any(np.linalg.det(share[:, None, None, None] * model.grad(u) + np.eye(2)) <= 0):
             return None
         T, D, _ = model.respond(u, nonlinear)
@@ -282,8 +283,8 @@ def _newton(
         applied = np.linalg.norm(np.where(held, internal, external))
         stiffest = float(np.max(np.abs(D) * (moduli[:, None] * model.basis.dx)[..., None, None]))
         stiffest *= float(np.max(np.abs(model._gradients))) ** 2
-        least = ROUNDING * (stiffest * (np.abs(u).max() + np.abs(model.basis.mesh.p).max()))
-        if np.linalg.norm(R) <= max(tol * applied, least):
+        least = ROUNDING * (stiffest * (np.abs(u).max() + extent))
+        if k > 0 and np.linalg.norm(R) <= max(tol * applied, least):  # a small load is none
             return u
         du = model.solve(moduli, D, R)
         if not np.all(np.isfinite(du)):

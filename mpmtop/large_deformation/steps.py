@@ -42,7 +42,10 @@ class Trajectory:
         return tuple(int(np.count_nonzero(s.clipped.any(axis=1))) for s in self.states[1:])
 
     def displacement(self, step: int = -1) -> Array:
-        """Displacements (p, 2) of the points at the end of a step, from 1 on; by default of the last one."""
+        """Displacements (p, 2) of the points at the end of a step, from 1 on; by default of the last one.
+
+        Differences of positions: of a small one, far from the origin, only what exceeds 1e-16 of these is left.
+        """
         return self.states[step].x - self.states[0].x
 
 

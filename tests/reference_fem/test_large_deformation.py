@@ -12,7 +12,7 @@ from mpmtop.large_deformation.law import Hencky, Law, NeoHookean
 from mpmtop.large_deformation.model import discretise as discretise_points
 from mpmtop.large_deformation.objectives import EndCompliance, PathCompliance, gradient
 from mpmtop.large_deformation.steps import trajectory
-from mpmtop.loads import PositionLoad, Weight
+from mpmtop.loads import PositionLoad, RegionLoad, Weight
 from mpmtop.points import seed, to_gauss_points
 from mpmtop.region import Rectangle
 from mpmtop.shape_functions import tent
@@ -122,6 +122,34 @@ def test_biquadratic_elements_follow_the_elastica() -> None:
     for level, u in zip(levels, load_steps(model, np.ones(50), levels), strict=True):
         along, across = elastica(10 * level)
         np.testing.assert_allclose(-u[tip] / L, [along, across], rtol=1e-3)
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_place_units_and_size_of_the_load_change_nothing(order: int) -> None:
+    """A load of 1e-14 of E bends as one of 1e-6 does, and a body far from the origin as one there."""
+    clamp, tip = Rectangle((0.0, 0.0), (0.0, 10.0)), Rectangle((18.0, 3.0), (20.0, 7.0))
+
+    def flexibility(load: float, at: float = 0.0, young: float = 1.0) -> float:
+        def there(r: Rectangle) -> Rectangle:
+            (x0, y0), (x1, y1) = r.lower, r.upper
+            return Rectangle((x0 + at, y0 + at), (x1 + at, y1 + at))
+
+        body = Body(
+            there(Rectangle((0.0, 0.0), (20.0, 10.0))),
+            (Support(there(clamp)),),
+            (RegionLoad(there(tip), (0.0, -load * young)),),
+            Material(young, 0.3),
+        )
+        model = large_model(discretise(body, 2.0, order), LogarithmicLaw(0.3))
+        f = model.fem.f_ext
+        u = list(load_steps(model, np.full(50, young), np.array([0.5, 1.0])))[-1]
+        return float(f @ u / f.sum() / load)
+
+    usual = flexibility(1e-6)
+    assert flexibility(1e-14) == pytest.approx(usual, rel=1e-2)  # strains of 1e-13 are rounded by 2e-16 of F
+    assert flexibility(1e-9, at=1e6) == pytest.approx(usual, rel=1e-6)
+    assert flexibility(0.06, at=-1e6) == pytest.approx(flexibility(0.06), rel=1e-9)  # rounding of positions
+    assert flexibility(0.06, young=1e9) == pytest.approx(flexibility(0.06), rel=1e-12)
 
 
 def test_plane_stress_and_another_poisson_are_refused() -> None:
