@@ -1,8 +1,8 @@
 """Loads and supports off the grid
 
 Do tractions, pressure, weight, displacements and clamps act where the body says, wherever the lines of the grid run?
-Four bodies with answers known otherwise: Lame's thick ring, a cantilever at an angle to the grid, a tensile test by a
-displacement, and a column under its weight. Units: h = E0 = 1 unless said.
+Bodies with answers known otherwise: Lame's thick ring, a cantilever at an angle to the grid, a tensile test by a
+displacement, a column under its weight, and a beam of two metals. Units: h = E0 = 1 unless said.
 """
 
 import warnings
