@@ -7,6 +7,7 @@ and problem as `reference_fem.simp`, whose numbers it must reproduce; nothing is
 from dataclasses import dataclass, field
 from functools import cached_property
 from importlib.metadata import version
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -194,12 +195,12 @@ def _stress(strain: Array, nu: float) -> Array:
 
 
 @BilinearForm
-def stiffness(u, v, w):  # type: ignore[no-untyped-def]
+def stiffness(u: Any, v: Any, w: Any) -> Any:
     """Plane strain elasticity with Young's modulus field `young`."""
     return w.young * ddot(_stress(sym_grad(u), w.nu), sym_grad(v))
 
 
 @Functional
-def energy(w):  # type: ignore[no-untyped-def]
+def energy(w: Any) -> Any:
     """Stress times strain at unit modulus."""
     return ddot(_stress(sym_grad(w.u), w.nu), sym_grad(w.u))
