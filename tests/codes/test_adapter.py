@@ -32,7 +32,7 @@ def quick() -> list[Check]:
 
 def test_the_adapter_in_the_docs_connects_a_small_code(tmp_path: Path) -> None:
     """Twenty lines; the code of sixty has habits of its own, and the answers are our tent's."""
-    text = (ROOT / "validation" / "codes" / "README.md").read_text().split("```python\n")[1].split("```")[0]
+    text = (ROOT / "validation" / "codes" / "README.md").read_text().split("\n```python\n")[1].split("```")[0]
     assert len([line for line in text.splitlines() if line]) <= 22
     (tmp_path / "small_mpm.py").write_text((HERE / "small_mpm.py").read_text())
     (tmp_path / "my_adapter.py").write_text(text)
