@@ -175,6 +175,27 @@ class AtLeast(AtMost):
         return -1 / (abs(self.bound) if self.scale is None else self.scale)
 
 
+STILL = 1e-3
+"""Of the largest displacement: an output that moves less is not connected. Mechanisms move a tenth of it and more."""
+
+
+class NothingMoves(UserWarning):
+    """A displacement that was sought has ended at nothing: no structure leads from the loads to the place."""
+
+
+def nothing_moves(sought: object, value: float, u: Array) -> NothingMoves | None:
+    """The warning of a final design under nodal displacements u, if what is sought is a displacement and its `value` is
+    next to nothing beside the largest of them."""
+    largest = float(np.max(np.abs(u)))
+    if not isinstance(sought, Displacement) or abs(value) > STILL * largest:
+        return None
+    return NothingMoves(
+        f"the displacement sought ended at {value:.1e}, where other parts move by {largest:.1e}: nothing connects "
+        f"{sought.place} with the loads, the trivial design of a mechanism. Take MMA with a move limit of 0.1, which "
+        "goes through worse designs on its way, or another start"
+    )
+
+
 def check_criterion(what: str, value: object) -> None:
     """InvalidScene unless it is a criterion."""
     known = isinstance(value, Compliance | PNormStress | Volume | Displacement)

@@ -10,7 +10,16 @@ import numpy as np
 
 from mpmtop.arrays import Array
 from mpmtop.cases import case_models, states
-from mpmtop.criteria import AtMost, Compliance, Criterion, Displacement, Worst, finite_gradient
+from mpmtop.criteria import (
+    AtMost,
+    Compliance,
+    Criterion,
+    Displacement,
+    NothingMoves,
+    Worst,
+    finite_gradient,
+    nothing_moves,
+)
 from mpmtop.design import Design, physical_densities
 from mpmtop.equilibrium import Equilibrium, adjoint, load_gradient, moduli_gradient
 from mpmtop.errors import LoadOutsideBody
@@ -250,6 +259,10 @@ class DesignProblem(DesignVariables):
             each.factor * each.functional.value(self.models[each.case], found[each.case], rho) for each in of.terms
         )
         return sum(terms, start=0.0) - of.bound
+
+    def remark(self, evaluation: Evaluation) -> NothingMoves | None:
+        """The warning that a final design calls for; of load cases none, as they have several displacements."""
+        return None if self.cases else nothing_moves(self.objective, evaluation.objective, evaluation.u)
 
     def evaluate(self, x: Array) -> Evaluation:
         """Value only, of a design (n,): one factorisation for all cases on the same supports, one solve for each."""

@@ -10,7 +10,16 @@ from skfem import MeshQuad
 
 from mpmtop.arrays import Array, Mask
 from mpmtop.body import Elastic, Material
-from mpmtop.criteria import AtMost, Compliance, Criterion, Displacement, Worst, finite_gradient
+from mpmtop.criteria import (
+    AtMost,
+    Compliance,
+    Criterion,
+    Displacement,
+    NothingMoves,
+    Worst,
+    finite_gradient,
+    nothing_moves,
+)
 from mpmtop.design import Design, physical_densities
 from mpmtop.errors import InvalidScene, LoadOutsideBody
 from mpmtop.loads import carriers
@@ -179,6 +188,10 @@ class DesignProblem(DesignVariables):
     @property
     def _displacements(self) -> list[Displacement]:
         return [each.criterion for sums in self.sums for each in sums if isinstance(each.criterion, Displacement)]
+
+    def remark(self, evaluation: Evaluation) -> NothingMoves | None:
+        """The warning that a final design calls for; of load cases none, as they have several displacements."""
+        return None if self.cases else nothing_moves(self.objective, evaluation.objective, evaluation.u)
 
     def evaluate(self, x: Array) -> Evaluation:
         """Objective and constraints of the design x (n,): no derivative, one factorisation for all cases on the same

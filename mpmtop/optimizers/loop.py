@@ -120,9 +120,9 @@ def continuation(
 
     With a `checkpoint` file the state is written after every `checkpoint_every`-th iterate and the last of a stage,
     before the iterate is handed out; if the file exists the run resumes from it, beginning with the iterate it holds.
-    That design is analysed again, which is not counted as a solve. Warns `Infeasible`. Raises NotConverged on values
-    that are not finite, ValueError on unusable bounds or starts, CheckpointError on a file that is damaged or belongs
-    to another run.
+    That design is analysed again, which is not counted as a solve. Warns `Infeasible`, and `NothingMoves` where the
+    last design of a displacement is the trivial one. Raises NotConverged on values that are not finite, ValueError on
+    unusable bounds or starts, CheckpointError on a file that is damaged or belongs to another run.
     """
     if not stages:
         raise ValueError("no stage: give at least one")
@@ -154,6 +154,8 @@ def _run(stages: Sequence[Stage[E]], x: Array, feasible: float, path: Path | Non
                 save_checkpoint(path, run, at)
             if outcome == "infeasible":
                 _say(at, evaluation, feasible)
+            if outcome != "running" and k == len(stages) - 1:
+                _remark(problem, evaluation)
             yield Iterate(
                 at.state.iteration,
                 at.solves,
@@ -205,6 +207,13 @@ def _outcome(stage: Stage[Any], at: Progress, feasible: float) -> Outcome:
         if stage.stop(History(np.maximum(at.largest, 0), state.x, state.x_old)):
             return "infeasible"
     return "max_iterations" if state.iteration >= stage.max_iterations else "running"
+
+
+def _remark(problem: Problem[E], evaluation: E) -> None:
+    """Warn of what the problem says of a final design, if it has a `remark`."""
+    said = getattr(problem, "remark", lambda evaluation: None)(evaluation)
+    if said is not None:
+        warnings.warn(said, stacklevel=3)
 
 
 def _say(at: Progress, evaluation: Any, feasible: float) -> None:

@@ -33,7 +33,10 @@ E = TypeVar("E", bound=Evaluation)
 
 
 class Problem(Protocol[E]):
-    """What is optimised; E is the problem's own kind of evaluation."""
+    """What is optimised; E is the problem's own kind of evaluation.
+
+    A problem may have a method `remark` of an evaluation, too: the warning, or None, that its final design calls for.
+    """
 
     @property
     def x0(self) -> Array:
