@@ -3,6 +3,7 @@
 What is stated, of either solver:
     region          Rectangle, Circle, Polygon, HalfPlane, LevelSet, Union, Intersection, Difference
     curves, outline what bounds them, to act on
+    cloud           Cloud, read_cloud: a region of points in a file
     loads           PointLoad, RegionLoad, PositionLoad; Traction, Pressure; BodyForce, Weight
     body            Body(domain, supports, loads, material, parts), Material, Part; Support, EdgeSupport, Spring, Bed
     design          Design(volume_fraction, filter_radius, penal, contrast, rho_min, passive_solid, passive_void, ...),
@@ -53,6 +54,8 @@ if TYPE_CHECKING:
     from mpmtop.body import Part as Part
     from mpmtop.body import Spring as Spring
     from mpmtop.body import Support as Support
+    from mpmtop.cloud import Cloud as Cloud
+    from mpmtop.cloud import read_cloud as read_cloud
     from mpmtop.comparison.compare import compare as compare
     from mpmtop.criteria import AtLeast as AtLeast
     from mpmtop.criteria import AtMost as AtMost
@@ -105,6 +108,7 @@ _FROM = {
     "body": ("Bed", "Body", "EdgeSupport", "Material", "Part", "Spring", "Support"),
     "design": ("Design", "Mirror", "Projection"),
     "loads": ("BodyForce", "PointLoad", "PositionLoad", "Pressure", "RegionLoad", "Traction", "Weight"),
+    "cloud": ("Cloud", "read_cloud"),
     "comparison.compare": ("compare",),
     "model": ("discretise",),
     "optimizers": ("GCMMA", "MMA", "OptimalityCriteria", "continuation", "optimize"),

@@ -94,7 +94,7 @@ def history(iterates: Iterable[Any], ax: Axes | None = None) -> Axes:
 
 
 def scene(of: Scene, model: Any = None, ax: Axes | None = None) -> Axes:
-    """The domain with passive parts, supports and loads; with a `model` also its grid and points, or its elements."""
+    """The domain, passive parts, supports, all cases' loads; with a `model` its grid and points, or elements."""
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
@@ -116,7 +116,8 @@ def scene(of: Scene, model: Any = None, ax: Axes | None = None) -> Axes:
         ax.plot(*np.reshape([spring.position for spring in of.body.springs], (-1, 2)).T, "D", color=BLUE)
     handles += [Patch(color=BLUE, label="support")] if model is None else _discretised(ax, layout(model))
     span = 0.18 * float(sides.max())
-    for at, force in (arrow for load in of.body.loads for arrow in _arrows(load, of.body.domain)):
+    acting = (*of.body.loads, *(load for case in of.cases for load in case.loads))
+    for at, force in (arrow for load in acting for arrow in _arrows(load, of.body.domain)):
         tip = at + span * force / max(float(np.hypot(*force)), np.finfo(float).tiny)
         ax.annotate(
             "",

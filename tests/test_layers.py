@@ -35,7 +35,7 @@ ORDER = [
     *("filter", "projection", "symmetry", "variables", "cases", "fingerprint", "problem", "planning"),
     *(f"optimizers.{name}" for name in ("protocols", "subproblem", "state", "mma", "gcmma", "optimality_criteria")),
     *(f"optimizers.{name}" for name in ("start", "stopping", "checkpoint", "loop")),
-    *("optimizers", "fields", "at_points", "export", "plot"),
+    *("optimizers", "fields", "at_points", "export", "cloud", "plot"),
     *(
         f"large_deformation.{name}"
         for name in ("law", "kinematics", "background", "assembly", "model", "step", "newton", "steps")
@@ -124,6 +124,7 @@ ROOMS: dict[str, set[str]] = {
     "studies": {"harness", "paper", "measures", "oracles", "bodies", "methods", "codes"},
     "conftest": {"harness"},
     "__main__": {"harness", "contents", "codes"},
+    "examples": set(),
 }
 """What a room of `validation` may import besides itself, and either solver, but for those that know no mechanics."""
 KNOW_NO_MECHANICS = {"__main__", "contents", "harness", "paper", "conftest"}
@@ -229,3 +230,18 @@ def test_modules_fit_in_one_reading(package: str) -> None:
 def test_examples_import_what_a_user_does(path: Path) -> None:
     """The face of the library, NumPy and the standard library."""
     assert all(name == "mpmtop" or name.split(".")[0] in STANDARD | {"numpy"} for name in imports(path))
+
+
+def test_the_library_loads_no_drawing_and_no_elements_until_they_are_used() -> None:
+    """Whatever a script takes from the face but `compare`; the face alone within a second of processor time."""
+    names = [name for name in mpmtop._HOME if name != "compare"]
+    script = f"""
+import sys, time
+import mpmtop
+print(time.process_time())
+for name in {names!r}: getattr(mpmtop, name)
+print(sorted(m for m in ("matplotlib", "skfem", "meshio", "jinja2", "joblib", "pandas") if m in sys.modules))
+"""
+    printed = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True, cwd=ROOT)
+    seconds, loaded = printed.stdout.splitlines()
+    assert float(seconds) < 1.0 and loaded == "[]"

@@ -12,7 +12,14 @@ import mpmtop
 
 DONE, WRONG, MOVED, STOPPED = 0, 1, 3, 130
 """What a command ends with; argparse ends with 2 where it cannot read the command."""
-EXAMPLES = ("bridge",)
+EXAMPLES = {
+    "bridge": (),
+    "bracket": (),
+    "flexible_beam": (),
+    "inverter": (),
+    "scanned_hook": ("scanned_hook.csv",),
+}
+"""Scenes to begin with, the first if none is named, and the files that they read."""
 
 TEACH = """\
 Does it matter for your design which method you take, and whether points cross cells? Three steps:
@@ -49,7 +56,7 @@ def parser() -> argparse.ArgumentParser:
     raw = argparse.RawDescriptionHelpFormatter
     new = commands.add_parser("new", help="write a commented scene that runs", description="Write a scene that runs.")
     new.add_argument("file", type=Path, help="file to write, my_scene.py; one that exists is left as it is")
-    new.add_argument("--like", choices=EXAMPLES, default=EXAMPLES[0], help="which example (%(default)s)")
+    new.add_argument("--like", choices=EXAMPLES, default="bridge", help="which example (%(default)s)")
     compare = commands.add_parser(
         "compare", help="which method to use for a scene, on one page", description=COMPARE, formatter_class=raw
     )
@@ -109,6 +116,10 @@ def _new(given: argparse.Namespace) -> int:
     if given.file.exists():
         raise ValueError(f"{given.file} is there already: give another name, or delete it")
     text = files("mpmtop").joinpath("examples", f"{given.like}.py").read_text("utf-8")
+    for read in EXAMPLES[given.like]:
+        beside = given.file.with_name(read)
+        if not beside.exists():
+            beside.write_bytes(files("mpmtop").joinpath("examples", read).read_bytes())
     given.file.write_text(text.replace(f"compare {given.like}.py", f"compare {given.file.name}"), "utf-8")
     print(f"{given.file}: a scene that runs; next, python -m mpmtop compare {given.file}")
     return DONE

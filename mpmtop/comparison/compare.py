@@ -2,8 +2,11 @@
 
 import time
 from collections.abc import Iterable, Iterator
+from dataclasses import replace as replace_field
 from pathlib import Path
 from typing import NamedTuple
+
+import numpy as np
 
 from mpmtop.comparison.asked import Asked, ask
 from mpmtop.comparison.entries import Comparison, Entry
@@ -12,7 +15,7 @@ from mpmtop.comparison.judging import FINER
 from mpmtop.comparison.methods import CANNOT, Prepared, one_method, prepare
 from mpmtop.comparison.page import page
 from mpmtop.comparison.progress import duration, say
-from mpmtop.comparison.runs import Run, kept, key_of, label, own_error, run_of, slug
+from mpmtop.comparison.runs import STOPS, Run, kept, key_of, label, own_error, run_of, slug
 from mpmtop.comparison.verdict import ranked
 from mpmtop.errors import InvalidScene
 from mpmtop.optimizers.protocols import UpdateRule
@@ -109,17 +112,23 @@ def gather(asked: Asked, folder: Path, *, jobs: int, hours: float, live: bool) -
     own = [entry for entry in entries if entry.prepared is not None and not entry.same_as]
     runs = {entry.slug: kept(paths[id(entry)]) for entry in own}
     missing = [entry for entry in own if runs[entry.slug] is None]
+    refused: dict[str, str] = {}
     if len(missing) < len(own):
         say(f"{len(own) - len(missing)} of {len(own)} runs are taken from {folder}")
     if missing:
         _estimate(asked, missing, jobs, hours)
         folder.mkdir(parents=True, exist_ok=True)
         for entry, run in _run_all(asked, missing, folder, jobs, live):
-            runs[entry.slug] = run
+            if isinstance(run, str):
+                refused[entry.slug] = run
+            else:
+                runs[entry.slug] = run
     whole = tuple(
-        Entry(e.method, e.crossing, e.prepared, runs.get(e.slug), e.refusal, e.same_as) if e.prepared else e
+        replace_field(e, run=runs.get(e.slug), refusal=refused.get(e.slug, e.refusal)) if e.prepared else e
         for e in entries
     )
+    if all(entry.run is None for entry in whole):
+        raise InvalidScene(next(entry.refusal for entry in whole))
     return Comparison(asked, whole, _judge_error(Comparison(asked, whole), folder))
 
 
@@ -145,7 +154,10 @@ def _estimate(asked: Asked, missing: list[Entry], jobs: int, hours: float) -> No
         assert entry.prepared is not None
         problem = entry.prepared.problem
         start = time.perf_counter()
-        problem.gradient(problem.evaluate(problem.x0))
+        try:
+            problem.gradient(problem.evaluate(problem.x0))
+        except STOPS:
+            continue  # the run says so
         seconds += OVERHEAD * (time.perf_counter() - start) * asked.iterations
     at_most = seconds / min(jobs, len(missing))
     points = len(missing[0].prepared.design_points.x) if missing[0].prepared else 0
@@ -160,8 +172,10 @@ def _estimate(asked: Asked, missing: list[Entry], jobs: int, hours: float) -> No
         )
 
 
-def _run_all(asked: Asked, missing: list[Entry], folder: Path, jobs: int, live: bool) -> Iterator[tuple[Entry, Run]]:
-    """Runs as they end, with their CPU times in a file."""
+def _run_all(
+    asked: Asked, missing: list[Entry], folder: Path, jobs: int, live: bool
+) -> Iterator[tuple[Entry, Run | str]]:
+    """Runs as they end, or why there is none, with their CPU times in a file."""
     import joblib  # a third of a second, and of no use to one process
 
     times: list[dict[str, object]] = []
@@ -179,8 +193,13 @@ def _run_all(asked: Asked, missing: list[Entry], folder: Path, jobs: int, live: 
         yield by_task[method, crossing], run
 
 
-def _one(asked: Asked, method: str, crossing: str, folder: Path, live: bool) -> tuple[str, str, Run, float]:
-    return method, crossing, *run_of(asked, method, crossing, folder, live)
+def _one(asked: Asked, method: str, crossing: str, folder: Path, live: bool) -> tuple[str, str, Run | str, float]:
+    """The run and its CPU time; or why not even the start can be analysed."""
+    try:
+        return method, crossing, *run_of(asked, method, crossing, folder, live)
+    except STOPS as error:
+        say(f"{label(method, crossing)}: {error}")
+        return method, crossing, str(error), 0.0
 
 
 def _judge_error(found: Comparison, folder: Path) -> float | None:
@@ -193,6 +212,8 @@ def _judge_error(found: Comparison, folder: Path) -> float | None:
     path = folder / f"judge-{slug(entry.method, entry.crossing)}-{key_of(found.asked, entry.prepared)}.txt"
     if path.exists():
         return float(path.read_text())
+    if np.isnan(entry.run.numbers.truth):
+        return None
     error = own_error(found.asked, entry.prepared, entry.run, FINER)
     replace(path, repr(error).encode())
-    return error
+    return None if np.isnan(error) else error

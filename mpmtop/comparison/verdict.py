@@ -199,8 +199,9 @@ def _mind(found: Comparison) -> list[str]:
     if off:
         worst = max(off, key=lambda e: abs(relative(e.run.own, truth(e))) if e.run else 0.0)
         assert worst.run is not None
+        of = "any method" if len(off) == len(found.found) > 1 else listed([e.label for e in off])
         said.append(
-            f"Do not trust the own value of {listed([e.label for e in off])}: the truth is up to "
+            f"Do not trust the own value of {of}: the truth is up to "
             f"{number(truth(worst) / worst.run.own)} times it ({worst.label})."
         )
     said += [f"{entry.label} cannot be asked: {entry.refusal}." for entry in found.entries if entry.refusal]
@@ -208,6 +209,7 @@ def _mind(found: Comparison) -> list[str]:
     short = [e for e in found.found if e.run and e.run.numbers.outcome in ("max iterations", "infeasible")]
     if short:
         each = listed([f"{e.label} ({e.run.numbers.outcome})" for e in short if e.run])
+        each = "every run" if len(short) == len(found.found) > 1 else each
         said.append(f"Not converged after {asked.iterations} iterations at most: {each}.")
     warned = [entry for entry in found.found if entry.prepared and entry.prepared.findings]
     if warned:

@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ from mpmtop.loads import RegionLoad
 from mpmtop.optimizers import GCMMA, optimize
 from mpmtop.problem import design_problem as points_problem
 from mpmtop.region import Circle, Difference, Rectangle
+from mpmtop.scene import LoadCase
 from mpmtop.shape_functions import gimp
 from reference_fem.hole import around_hole
 from reference_fem.simp import design_problem
@@ -67,7 +69,7 @@ def test_every_field_in_one_line(solver: str) -> None:
         signed = name.endswith(plot.SIGNED)
         assert lower == -upper if signed else lower == 0.0
         plt.close(ax.figure)
-    with pytest.raises(ValueError, match="say one of density, displacement"):
+    with pytest.raises(ValueError, match="say one of density, "):
         plot.field(problem.model, at, "mises")
 
 
@@ -168,3 +170,10 @@ def test_import_loads_neither_matplotlib_nor_meshio() -> None:
     code = "import sys, mpmtop, mpmtop.plot; print({'matplotlib', 'meshio', 'skfem'} & set(sys.modules))"
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert out.stdout.strip() == "set()"
+
+
+def test_a_scene_shows_the_loads_of_all_its_cases() -> None:
+    body = SCENE.body
+    cases = tuple(LoadCase((replace(body.loads[0], force=force),)) for force in ((1.0, 0.0), (0.0, 1.0)))
+    both = plot.scene(replace(SCENE, body=replace(body, loads=()), cases=cases))
+    assert len(both.texts) == 2 * len(plot.scene(SCENE).texts) > 0  # an arrow is an annotation
