@@ -68,14 +68,15 @@ def _use(found: Comparison) -> str:
     best = seeded[0]
     what = measure(found.asked.scene)
     good = [e for e in seeded if _feasible(e) == _feasible(best) and relative(truth(e), truth(best)) <= SAME]
+    own = {entry.slug for entry in good}
     rest = [entry for entry in seeded if entry not in good]
     text = f"{_either(good)}: "
     if len(seeded) == 1:
         text += f"the fine reference finds a true {what} of {number(truth(best), 4)} in its design."
         return text
     text += f"judged by the fine reference, the {what} of "
-    text += f"the design is {number(truth(best), 4)}" if len(good) == 1 else f"their designs is {_span(good)}"
-    if len(good) > 1:
+    text += f"the design is {number(truth(best), 4)}" if len(own) == 1 else f"their designs is {_span(good)}"
+    if len(own) > 1:
         text += f", which is equal for what rule and start make of an optimum ({SAME:.2%})"
     text += "."
     if rest:

@@ -32,3 +32,4 @@ scene = Scene("Bracket with two load cases", body, design, objective=Worst(Compl
 
 h = 0.5
 rule = MMA(move=0.2)  # for the largest of several values
+iterations = 30  # a first look; without this line a run goes on until it has converged

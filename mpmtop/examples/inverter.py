@@ -26,3 +26,4 @@ scene = Scene("Force inverter", body, design, objective=Displacement(moved, (1.0
 
 h = 1.0
 rule = MMA(move=0.1)  # a mechanism is found by small steps
+iterations = 30  # a first look; without this line a run goes on until it has converged

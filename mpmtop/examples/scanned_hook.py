@@ -18,3 +18,4 @@ design = Design(volume_fraction=0.6, filter_radius=0.6, passive_solid=seat)
 scene = Scene("Hook from a list of points", body, design)
 
 h = 0.5
+iterations = 30  # a first look; without this line a run goes on until it has converged

@@ -44,7 +44,9 @@ def test_designs_within_the_scatter_are_equal_and_twins_are_named() -> None:
     twin = replace(entry(GIMP, 100.0, 101.0), same_as=MPM)
     told = said(comparison(entry(FEM, 99.0, 100.0), entry(MPM, 100.0, 101.0), twin, entry(SPLINE, 99.0, 101.3)))
     assert told["Use"].startswith("FEM or MPM or GIMP (one method here): ")
-    assert "quadratic B-splines 1.3% higher" in told["Use"]
+    assert "quadratic B-splines 1.3% higher" in told["Use"] and "is 100 to 101, which is equal" in told["Use"]
+    alone = said(comparison(entry(MPM, 100.0, 101.0), twin, entry(SPLINE, 99.0, 110.0)))
+    assert "of the design is 101. Beside" in alone["Use"]  # one design, to which nothing is equal
 
 
 def test_what_violates_a_constraint_in_truth_is_not_taken() -> None:
