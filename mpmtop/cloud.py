@@ -49,9 +49,9 @@ def read_cloud(path: Path | str, half_length: tuple[float, float] | None = None)
     """
     path = Path(path)
     if path.suffix == ".vtu":
-        from mpmtop import export  # meshio, of which a CSV needs nothing
+        from mpmtop.export import read_points  # meshio, of which a CSV needs nothing
 
-        points = export.read_points(path).points
+        points = read_points(path).points
         x, own = points.x, points.half_length
         return Cloud(x, half_length or (float(own[:, 0].min()), float(own[:, 1].min())))
     try:
