@@ -151,6 +151,15 @@ def test_a_clamp_between_the_grids_lines(shape_function: ShapeFunction, s: float
     assert clamped_bar(shape_function, s) == pytest.approx(1, abs=most)
 
 
+@pytest.mark.parametrize(
+    ("ppc", "s", "error"), [(2, 0.75, 0.044), (3, 0.5, 0.025), (4, 0.375, 0.015), (6, 0.25, 0.009)]
+)
+def test_tents_fill_the_cell_at_an_edge_by_whole_points(ppc: int, s: float, error: float) -> None:
+    """The worst of all shifts: half a point too little in the first cell, as much too much in the last one."""
+    assert clamped_bar(tent, s, ppc) - 1 == pytest.approx(error, abs=5e-4)  # the digits that are stated
+    assert clamped_bar(gimp, s, ppc) == pytest.approx(1, abs=1e-6)
+
+
 @pytest.mark.parametrize("shape_function", [tent, gimp])
 @pytest.mark.parametrize("degrees", [0.0, 20.0, 45.0])
 def test_an_edge_leaves_uniform_stress(shape_function: ShapeFunction, degrees: float) -> None:
