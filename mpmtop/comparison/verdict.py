@@ -67,7 +67,8 @@ def _use(found: Comparison) -> str:
         return "No method could be asked: see what each says below."
     best = seeded[0]
     what = measure(found.asked.scene)
-    good = [e for e in seeded if _feasible(e) == _feasible(best) and relative(truth(e), truth(best)) <= SAME]
+    alike = same(found)
+    good = [e for e in seeded if _feasible(e) == _feasible(best) and relative(truth(e), truth(best)) <= alike]
     own = {entry.slug for entry in good}
     rest = [entry for entry in seeded if entry not in good]
     text = f"{_either(good)}: "
@@ -77,7 +78,7 @@ def _use(found: Comparison) -> str:
     text += f"judged by the fine reference, the {what} of "
     text += f"the design is {number(truth(best), 4)}" if len(own) == 1 else f"their designs is {_span(good)}"
     if len(own) > 1:
-        text += f", which is equal for what rule and start make of an optimum ({SAME:.2%})"
+        text += f", {_equal(found)}"
     text += "."
     if rest:
         worse = (
@@ -90,6 +91,18 @@ def _use(found: Comparison) -> str:
         told = "; ".join(worse)
         text += f" Beside the best, {told}." if told else ""
     return text
+
+
+def same(found: Comparison) -> float:
+    """Relative difference below which designs of a comparison are equal: the scatter of optima, or the judge's own
+    error where that is larger."""
+    return max(SAME, abs(found.judge_error or 0.0))
+
+
+def _equal(found: Comparison) -> str:
+    if same(found) > SAME:
+        return f"which is equal for what the judge can tell ({same(found):.1%})"
+    return f"which is equal for what rule and start make of an optimum ({SAME:.2%})"
 
 
 def _violation(entry: Entry) -> float:
@@ -130,7 +143,9 @@ def _crossings(found: Comparison) -> list[str]:
         true = listed([f"{changed(relative(truth(c), truth(s)))} with {METHODS[c.method]}" for c, s in both])
         claim = listed([f"{_own(c, s):+.1%}" for c, s in both])
         best = ranked([c for c, _ in both])[0]
-        good = [c for c, _ in both if relative(truth(c), truth(best)) <= SAME and _feasible(c) == _feasible(best)]
+        good = [
+            c for c, _ in both if relative(truth(c), truth(best)) <= same(found) and _feasible(c) == _feasible(best)
+        ]
         sentences.append(
             f"{moved(crossing_of(crossing))}, the true {measure(found.asked.scene)} of designs is {true} than as "
             f"seeded; the methods themselves report {claim}. If points cross like this, take {_either(good)}."

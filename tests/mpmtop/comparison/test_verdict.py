@@ -95,3 +95,10 @@ def test_a_filter_radius_below_a_cell_is_told() -> None:
 def test_one_method_alone_is_told_without_a_comparison(value: float) -> None:
     told = said(comparison(entry(FEM, value, value)))
     assert "finds a true compliance of" in told["Use"] and "Beside" not in told["Use"]
+
+
+def test_designs_are_equal_within_the_judge_s_own_error() -> None:
+    entries = (entry(FEM, 100.0, 100.0), entry(SPLINE, 99.0, 102.0))
+    assert said(comparison(*entries, error=0.004))["Use"].startswith("FEM: ")
+    told = said(comparison(*entries, error=-0.03))["Use"]
+    assert told.startswith("FEM or quadratic B-splines: ") and "what the judge can tell (3.0%)" in told
