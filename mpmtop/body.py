@@ -28,9 +28,9 @@ class Material:
     plane: Literal["strain", "stress"] = "strain"
 
     def __post_init__(self) -> None:
-        if not 0 < self.young < np.inf:
+        if not finite("Young's modulus", self.young) > 0:
             raise InvalidScene(f"Young's modulus {self.young}: give a positive, finite number")
-        if not -1 < self.poisson < 0.5:
+        if not -1 < finite("Poisson's ratio", self.poisson) < 0.5:
             raise InvalidScene(f"Poisson's ratio {self.poisson}: give a number above -1 and below 0.5")
         if self.plane not in ("strain", "stress"):
             raise InvalidScene(f"plane {self.plane!r}: say 'strain' or 'stress'")

@@ -301,8 +301,8 @@ def _per_volume(what: str, force: Any, region: Region | None) -> object:
 
 def _given(what: str, values: Any, shape: tuple[int, ...]) -> Array:
     """What a function gave, as an array; InvalidScene unless it is finite and has the shape."""
-    found = np.asarray(values, float)
-    if found.shape != shape or not np.all(np.isfinite(found)):
+    found = np.asarray(values)
+    if found.shape != shape or found.dtype.kind not in "biuf" or not np.all(np.isfinite(found)):
         raise InvalidScene(
             f"a {what} by a function gave {found.shape} for {shape[0]} positions: return finite numbers {shape}"
         )

@@ -45,7 +45,8 @@ def finite_pair(what: str, value: Any) -> tuple[float, float]:
 
 def finite(what: str, value: Any) -> float:
     """The number as a float; InvalidScene, which names `what`, if it is not one finite number."""
-    if np.shape(value) != () or isinstance(value, str) or not np.isfinite(value):
+    number = np.shape(value) == () and np.asarray(value).dtype.kind in "biuf"
+    if not number or not np.isfinite(value):
         raise InvalidScene(f"{what} {value!r}: give a finite number")
     return float(value)
 

@@ -297,10 +297,12 @@ def test_bodies_refuse_parts(parts: Any, advice: str) -> None:
         (lambda: Part(BOX, 2.0), "give a Material"),
         (lambda: Part(BOX, Material), "give a Material"),
         (lambda: Part(BOX, Material(-1.0)), "positive, finite"),
-        (lambda: Part(BOX, Material(np.nan)), "positive, finite"),
+        (lambda: Part(BOX, Material(np.nan)), "modulus nan: give a finite"),
         (lambda: Part(BOX, Material(1.0, 0.5)), "below 0.5"),
+        (lambda: Part(BOX, Material("steel")), "modulus 'steel': give a finite"),  # type: ignore[arg-type]
+        (lambda: Part(BOX, Material(1.0, None)), "ratio None: give a finite"),  # type: ignore[arg-type]
     ],
-    ids=["no region", "a number", "a class", "negative modulus", "no modulus", "incompressible"],
+    ids=["no region", "a number", "a class", "negative modulus", "no modulus", "incompressible", "a word", "nothing"],
 )
 def test_parts_refuse(made: Any, advice: str) -> None:
     with pytest.raises(InvalidScene, match=advice):

@@ -41,7 +41,7 @@ NAN = float("nan")
         ({"penal": 0.5}, InvalidScene, "at least 1"),
         ({"penal": NAN}, InvalidScene, "at least 1"),
         ({"supports": LEFT_CLAMP}, InvalidScene, "with a comma"),
-        ({"supports": (LEFT_CLAMP.region,)}, InvalidScene, "give a `Support`, an `EdgeSupport` or a `Spring`"),
+        ({"supports": (LEFT_CLAMP.region,)}, InvalidScene, "give a `Support`, an `EdgeSupport`, a `Spring` or a `Bed`"),
         ({"loads": (LEFT_CLAMP,)}, InvalidScene, "give a `PointLoad`"),
         ({"material": (Material(), Material())}, InvalidScene, "one Material for the body"),
         ({"objective": "compliance"}, InvalidScene, r"give Compliance\(\)"),
@@ -61,7 +61,7 @@ def test_parts_refuse() -> None:
         Rectangle((1, 0), (0, 1))
     with pytest.raises(InvalidScene, match="upper bound"):
         Rectangle((NAN, 0), (1, 1))
-    with pytest.raises(InvalidScene, match="positive, finite"):
+    with pytest.raises(InvalidScene, match="modulus nan: give a finite"):
         Material(young=NAN)
     with pytest.raises(InvalidScene, match=r"below 0\.5"):
         Material(poisson=0.5)
