@@ -4,8 +4,8 @@ from validation.harness.contents import Contents
 
 CONTENTS = Contents(
     title="Does the material point method change optimised designs?",
-    asked="Topology optimisation by the material point method (MPM, 2 x 2 points in a cell of size h) beside finite "
-    "elements (FEM, one for each point); every design judged by one fine reference.",
+    asked="Topology optimisation by the material point method (MPM, 2 x 2 points in a cell, h) beside finite elements "
+    "(FEM, one a point), judged by one fine reference.",
     paper="Topology optimization with material point method: investigation into the design sensitivity and the effect "
     "of shape functions",
     details="authors, journal, year and DOI: not in our copy of it",

@@ -69,7 +69,7 @@ def test_every_field_in_one_line(solver: str) -> None:
         signed = name.endswith(plot.SIGNED)
         assert lower == -upper if signed else lower == 0.0
         plt.close(ax.figure)
-    with pytest.raises(ValueError, match="say one of density, "):
+    with pytest.raises(ValueError, match="say one of density, young, "):
         plot.field(problem.model, at, "mises")
 
 

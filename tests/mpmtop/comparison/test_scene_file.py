@@ -9,13 +9,13 @@ from mpmtop.comparison.scene_file import SceneFileError, read_scene
 from tests.mpmtop.comparison.scenes import SMALL
 
 BAD = {
-    "syntax": (SMALL + "def (:\n", "line 9: not Python"),
+    "syntax": (SMALL + "def (:\n", "line 10: not Python"),
     "none": ("x = 1\n", "makes no Scene"),
     "two": (SMALL + "other = Scene('other', body, Design(0.5, 1.5))\n", r"makes 2 scenes \(scene, other\)"),
     "impossible": (SMALL.replace("0.4", "1.4"), "line 6: InvalidScene: volume fraction 1.4"),
-    "raises": (SMALL + "1 / 0\n", "line 9: ZeroDivisionError"),
+    "raises": (SMALL + "1 / 0\n", "line 10: ZeroDivisionError"),
     "import": ("import nothing_of_that_name\n", "line 1: ModuleNotFoundError"),
-    "exits": (SMALL + "raise SystemExit('enough')\n", "line 9: SystemExit: enough"),
+    "exits": (SMALL + "raise SystemExit('enough')\n", "line 10: SystemExit: enough"),
 }
 
 
@@ -62,7 +62,7 @@ def test_one_scene_under_two_names_is_one(tmp_path: Path) -> None:
     path = tmp_path / "my_scene.py"
     path.write_text(SMALL + "again = scene\n")
     found = read_scene(path)
-    assert found.scene.name == "small beam" and found.settings == {"h": 1.0, "iterations": 12}
+    assert found.scene.name == "small beam" and found.settings == {"h": 1.0, "iterations": 40, "methods": ("fem", "mpm", "gimp")}
 
 
 def test_a_file_imports_what_lies_beside_it(tmp_path: Path) -> None:
