@@ -62,7 +62,11 @@ def test_one_scene_under_two_names_is_one(tmp_path: Path) -> None:
     path = tmp_path / "my_scene.py"
     path.write_text(SMALL + "again = scene\n")
     found = read_scene(path)
-    assert found.scene.name == "small beam" and found.settings == {"h": 1.0, "iterations": 40, "methods": ("fem", "mpm", "gimp")}
+    assert found.scene.name == "small beam" and found.settings == {
+        "h": 1.0,
+        "iterations": 40,
+        "methods": ("fem", "mpm", "gimp"),
+    }
 
 
 def test_a_file_imports_what_lies_beside_it(tmp_path: Path) -> None:
