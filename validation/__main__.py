@@ -5,10 +5,11 @@
 `python -m validation readme`: the findings of `reports/` into README.md.
 `python -m validation cases DIR`: all that a code is asked, as files.
 
-`python -m validation adapter NAME`: a class to begin with, in NAME.py.
+`python -m validation adapter NAME`: a class to begin with, in NAME.py; NAME may be a path.
 """
 
 import argparse
+import shlex
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -66,7 +67,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     cases = commands.add_parser("cases", help="write all that a code is asked, as files")
     cases.add_argument("folder", type=Path)
     adapter = commands.add_parser("adapter", help="write NAME.py, an adapter to fill in")
-    adapter.add_argument("name")
+    adapter.add_argument("name", metavar="NAME", help="of the file, or its path, as in /home/me/checks/mine.py")
     given = parser.parse_args(arguments)
     if given.command == "cases":
         print(
@@ -75,7 +76,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 0
     if given.command == "adapter":
         try:
-            print(f"{write_template(given.name)}: fill it in, then pytest validation --code {given.name}.py:Code")
+            path = write_template(given.name)
+            print(f"wrote {path}; fill in its class Code, then, in {ROOT}:")
+            print(f"pytest validation --code {shlex.quote(f'{path}:Code')}")
         except NoAdapter as error:
             parser.error(str(error))
         return 0

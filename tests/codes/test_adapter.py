@@ -3,8 +3,9 @@
 import re
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
-from typing import ClassVar
+from typing import ClassVar, get_args
 
 import numpy as np
 import pytest
@@ -13,13 +14,15 @@ from mpmtop.shape_functions import tent
 from tests.codes.soil_mpm import Ground, Particle
 from validation.__main__ import main
 from validation.codes import cases, kept
-from validation.codes.adapter import Adapter, NoAdapter, load_class
+from validation.codes.adapter import Adapter, NoAdapter, load_class, write_template
 from validation.codes.answers import Misanswered
 from validation.codes.card import Check, scorecard
 from validation.codes.checks import every
+from validation.codes.files import KNOWN, write_cases
 from validation.codes.named import code
+from validation.codes.words import MEANINGS, table
 from validation.methods.points import PointMethod
-from validation.methods.protocol import Answer, Case
+from validation.methods.protocol import Answer, Capability, Case
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
@@ -32,7 +35,8 @@ def quick() -> list[Check]:
 
 def test_the_adapter_in_the_docs_connects_a_small_code(tmp_path: Path) -> None:
     """Twenty lines; the code of sixty has habits of its own, and the answers are our tent's."""
-    text = (ROOT / "validation" / "codes" / "README.md").read_text().split("\n```python\n")[1].split("```")[0]
+    text = (ROOT / "validation" / "codes" / "README.md").read_text()
+    text = text.split("writes one to fill in.")[1].split("```python\n")[1].split("```")[0]
     assert len([line for line in text.splitlines() if line]) <= 22
     (tmp_path / "small_mpm.py").write_text((HERE / "small_mpm.py").read_text())
     (tmp_path / "my_adapter.py").write_text(text)
@@ -86,7 +90,11 @@ def test_the_template_is_an_adapter(
 ) -> None:
     """As it is written it loads and answers zeros, which fail."""
     monkeypatch.chdir(tmp_path)
-    assert main(["adapter", "mine"]) == 0 and "--code mine.py:Code" in capsys.readouterr().out
+    for named, path in (("mine", tmp_path / "mine.py"), (f"{tmp_path}/a/my.py", tmp_path / "a" / "my.py")):
+        assert main(["adapter", named]) == 0
+        said = capsys.readouterr().out.splitlines()
+        assert said[0].startswith(f"wrote {path};") and said[1] == f"pytest validation --code {path}:Code"
+        assert code(f"{path}:Code").name == path.stem
     card = scorecard(code("mine.py:Code"), quick())
     assert card.code == "mine" and len(card.of("fails")) == 3
     for name in ("mine", "not a name"):
@@ -175,8 +183,9 @@ def test_scorecards_are_kept(tmp_path: Path) -> None:
 def test_a_failing_code_fails_its_page_and_not_the_run(tmp_path: Path) -> None:
     """By the command of the docs: nothing else runs, and the page says what failed."""
     (tmp_path / "bad.py").write_text(
-        "class Bad:\n    capabilities = {'analysis'}\n"
-        "    def analyse(self, case):\n        raise MemoryError('too large')\n"
+        "import warnings\n\n\nclass Bad:\n    name = 'z bad'\n    capabilities = {'analysis'}\n"
+        "    def analyse(self, case):\n        warnings.warn('old', DeprecationWarning)\n"
+        "        self.left = open(__file__)\n        raise MemoryError('too large')\n"
     )
     words = [
         "-q",
@@ -193,4 +202,33 @@ def test_a_failing_code_fails_its_page_and_not_the_run(tmp_path: Path) -> None:
     )
     assert ran.returncode == 0, ran.stdout[-2000:]
     assert "1 passed" in ran.stdout
-    assert "MemoryError: too large" in (tmp_path / "codes.md").read_text()
+    page = (tmp_path / "codes.md").read_text()
+    assert "MemoryError: too large" in page and page.index("**z bad**") < page.index("**Kratos")
+    (line,) = [line for line in ran.stdout.splitlines() if line.startswith("z bad: 0 pass, ")]
+    assert "fail (mean stress, loads on points; " in line and line.endswith("codes.html#table-codes_card_0_fails")
+    assert 'id="table-codes_card_0_fails"' in (tmp_path / "codes.html").read_text()
+    assert "unclosed file" in ran.stdout and "Traceback" not in ran.stdout
+    columns = [(tmp_path / "data" / f"codes_card_0_{part}.csv").exists() for part in ("fails", "passes", "lacks")]
+    assert columns == [True, False, True]
+
+
+def test_words_are_the_same_everywhere(tmp_path: Path) -> None:
+    """Every capability has one meaning, in the docs, the template and the schema."""
+    assert set(MEANINGS) == set(get_args(Capability))
+    docs = (ROOT / "validation" / "codes" / "README.md").read_text()
+    template, schema = write_template(f"{tmp_path}/mine").read_text(), tmp_path / "SCHEMA.md"
+    write_cases(tmp_path, [])
+    assert table() in docs and table(KNOWN) in schema.read_text()
+    assert all(f'"{word}",  # {meaning}\n' in template for word, meaning in MEANINGS.items())
+
+
+def test_a_failure_is_told_without_empty_fields() -> None:
+    """Betti says both works and names nodal forces; what is not known leaves no mark."""
+    row = kept.KeptRow("analysis", "x", "<= 1", "why", "", "fails", 2.0, "", "")
+    assert kept.told(row) == "fails (2)."
+    assert kept.told(replace(row, where="here", look="there")) == "fails (2); here. Look at there."
+
+
+def test_betti_says_where() -> None:
+    betti = next(check for check in every() if check.name == "Betti's reciprocity")
+    assert "point forces do" in betti.observe(PointMethod("tent", tent)).where and "reach the nodes" in betti.look

@@ -16,27 +16,31 @@ from typing import Any, get_args
 from mpmtop.arrays import Array
 from mpmtop.grid import Grid
 from validation.codes.answers import Misanswered
+from validation.codes.words import MEANINGS
 from validation.methods.protocol import Answer, Capability, Case, Shape, Step
 
-TEMPLATE = '''"""An adapter: pytest validation --code {name}.py:Code"""
+BEGUN: tuple[Capability, ...] = (
+    "analysis",
+    "quadrature at points",
+    "points anywhere",
+    "moduli by point",
+    "body forces",
+    "prescribed displacements",
+)
+"""Capabilities that a template states; the others stand in it as comments."""
+TEMPLATE = '''"""An adapter: pytest validation --code FILE:Code, in which FILE is this file and Code the class below."""
 
 import numpy as np
+
+# import your code: modules beside this file are found
 
 
 class Code:
     name = "{name}"
     version = ""
     accuracy = 0.0  # relative error that iterations or damping leave in an answer; 0 for rounding
-    capabilities = {{
-        "analysis",
-        # take away what your code cannot do: it is then not asked for it
-        "quadrature at points",  # stress at points, by their volumes, makes the internal force
-        "points anywhere",
-        "moduli by point",
-        "body forces",
-        "prescribed displacements",
-        # "loads at positions", "plane stress", "any outline", "gradient", "shape functions",
-    }}
+    capabilities = {{  # take away what your code cannot do: it is then not asked for it
+{words}    }}
 
     def analyse(self, case):
         """(u, stress): displacement (p, 2) and stress (p, 3), xx, yy, xy, at the points in their order."""
@@ -44,19 +48,24 @@ class Code:
         points.x, points.volume, points.half_length  # (p, 2), (p,), (p, 2): half the sides of the domains
         grid.origin, grid.h, grid.cells  # node (i, j) is at origin + (i, j) h
         material.poisson, material.plane, case.moduli  # "strain" or "stress"; Young's modulus (p,) by point
-        case.carried  # (p, 2) force on each point, body force included
+        case.carried  # (p, 2) force on each point, body force included: nodal forces are sum_p N_i(x_p) carried_p
         case.held.node, case.held.fixed, case.held.value  # (m, 2) each: indices (i, j), which components, where
         u, stress = np.zeros((len(points.x), 2)), np.zeros((len(points.x), 3))
         return u, stress
 '''
 
 
-def write_template(name: str) -> Path:
-    """NAME.py in the working folder; NoAdapter if it is there, or no name of a module."""
-    path = Path(f"{name}.py")
-    if not name.isidentifier() or path.exists():
+def write_template(named: str) -> Path:
+    """NAME or PATH, with or without its ".py"; NoAdapter if it is there, or no name of a module."""
+    path = Path(named if named.endswith(".py") else f"{named}.py").absolute()
+    if not path.stem.isidentifier() or path.exists():
         raise NoAdapter(f"{path}: {'it is there already' if path.exists() else 'no name of a Python module'}")
-    path.write_text(TEMPLATE.format(name=name), "utf-8")
+    words = "".join(
+        f'        {"" if word in BEGUN else "# "}"{word}",  # {meaning}\n'
+        for word, meaning in sorted(MEANINGS.items(), key=lambda item: item[0] not in BEGUN)
+    )
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(TEMPLATE.format(name=path.stem, words=words), "utf-8")
     return path
 
 

@@ -186,7 +186,11 @@ def reciprocal(code: Code) -> Observed:
     one, other = cases.cantilever("cantilever"), cases.under_weight("cantilever under weight")
     u_one, u_other = asked(code, one), asked(code, other)
     size = np.sqrt(abs(work(one, u_one) * work(other, u_other)))
-    return Observed(abs(work(one, u_other) - work(other, u_one)) / float(size))
+    there, back = work(one, u_other), work(other, u_one)
+    return Observed(
+        abs(there - back) / float(size),
+        f"point forces do {there:.6g} at the displacements of body forces, these {back:.6g} at those of point forces",
+    )
 
 
 def balance(code: Code, case: Case) -> Observed:

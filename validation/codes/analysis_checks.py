@@ -38,6 +38,9 @@ def checks() -> list[Check]:
 
 def _fields() -> list[Check]:
     shear = "the stress that is given: of the points, xx, yy, xy, the tensor's shear and not twice that"
+    crossing = (
+        "also where points are nearer to a grid line than a quarter of a cell, or domains, if there are any, cross it"
+    )
     gradients = "the gradients: their sum over the nodes of a point, and times node positions"
     return [
         _exact(
@@ -48,7 +51,7 @@ def _fields() -> list[Check]:
         _exact(
             "rigid motion, uneven points",
             partial(analysis.rigid, name="rigid motion, uneven points", points=cases.uneven((6, 4))),
-            f"{gradients}, where a domain crosses a grid line",
+            f"{gradients}, {crossing}",
         ),
         _exact(
             "rigid motion, points on grid lines",
@@ -80,7 +83,7 @@ def _fields() -> list[Check]:
                 (
                     "loads on uneven points",
                     cases.cantilever("cantilever, uneven points", cases.uneven((12, 6))),
-                    "as for uniform points, where a domain crosses a grid line",
+                    f"as for uniform points, {crossing}",
                 ),
                 ("body forces", cases.under_weight("cantilever under weight"), "V b of each point"),
                 (
@@ -152,10 +155,16 @@ def _frames() -> list[Check]:
 
 
 def _energies() -> list[Check]:
-    lost = "stress at points that is not the one in the internal force; an iteration ended too early; numerical damping"
+    lost = (
+        "stress at points that is not the one in the internal force; how forces on points reach the nodes, "
+        "sum_p N_i(x_p) f_p; an iteration ended too early; numerical damping"
+    )
     return [
         _exact(
-            "Betti's reciprocity", analysis.reciprocal, "a stiffness that is not symmetric: N or grad N of p2g and g2p"
+            "Betti's reciprocity",
+            analysis.reciprocal,
+            "how forces on points reach the nodes, sum_p N_i(x_p) f_p with the N that takes displacements back to the "
+            "points; a stiffness that is not symmetric",
         ),
         _exact(
             "energy balance, uniform points",

@@ -19,6 +19,7 @@ from mpmtop.grid import Grid
 from validation.codes.adapter import NoAdapter
 from validation.codes.answers import Misanswered
 from validation.codes.card import Check
+from validation.codes.words import table
 from validation.methods.protocol import Answer, Capability, Case, Shape, Step
 
 SCHEMA = """# Cases in files
@@ -64,6 +65,9 @@ reads lines `LEVEL STEPS`: it makes STEPS time steps under LEVEL times the force
 """
 
 
+IN_FILES = """`case` is how a class in Python is asked; in files `case.points`, `.moduli`, `.carried` and `.body_force`
+are columns of `points.csv`, `case.held` is `held.csv`, `case.acts` is `loads.csv`, and the rest is in `case.json`.
+"""
 KNOWN: tuple[Capability, ...] = tuple(word for word in get_args(Capability) if word != "sheared domains")
 """What can be asked in files."""
 BLOCKS = ("ramp", "block", "blocks")
@@ -307,8 +311,7 @@ def write_cases(folder: Path, checks: Iterable[Check]) -> int:
     """All that the checks ask, each in a folder of its own, and the schema; how many there are."""
     recorder = Recorder(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    words = "".join(f"- {word}\n" for word in KNOWN)
-    (folder / "SCHEMA.md").write_text(f"{SCHEMA}\n## Capabilities\n\n{words}", "utf-8")
+    (folder / "SCHEMA.md").write_text(f"{SCHEMA}\n## Capabilities\n\n{IN_FILES}\n{table(KNOWN)}", "utf-8")
     for check in (check for check in checks if check.needs <= recorder.capabilities):
         with suppress(Exception), np.errstate(all="ignore"):  # zeros are no answer to compute with
             check.observe(recorder)

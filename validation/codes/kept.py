@@ -36,9 +36,16 @@ class Kept:
     verdict: str
     rows: tuple[KeptRow, ...]
 
-    def of(self, verdict: Verdict) -> list[KeptRow]:
-        """Rows of one verdict."""
-        return [row for row in self.rows if row.verdict == verdict]
+    def of(self, *verdicts: Verdict) -> list[KeptRow]:
+        """Rows of one verdict, or of several, those of the first one first."""
+        return [row for verdict in verdicts for row in self.rows if row.verdict == verdict]
+
+    @property
+    def line(self) -> str:
+        """For the terminal: numbers, and the names of what failed."""
+        failed = "; ".join(row.check for row in self.of("fails"))
+        counts = f"{len(self.of('passes'))} pass, {len(self.of('fails'))} fail{f' ({failed})' if failed else ''}"
+        return f"{self.code}: {counts}, {len(self.of('not supported'))} not supported"
 
 
 def kept(card: Card, when: str, machine: str) -> Kept:
@@ -104,3 +111,9 @@ def cell(row: KeptRow, digits: bool = False) -> str:
         return "passes"
     number = f"{row.observed:.3g}"
     return number if row.verdict == "reported" else f"{row.verdict} ({number})"
+
+
+def told(row: KeptRow) -> str:
+    """A failure in a line: the number, where it is and where to look, as far as these are known."""
+    look = f"Look at {row.look}" if row.look else ""
+    return ". ".join(part for part in ("; ".join(filter(None, (cell(row), row.where))), look) if part) + "."

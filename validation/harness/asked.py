@@ -1,7 +1,9 @@
 """`--code`: what is asked of other people's codes, by name, and where their scorecards are kept."""
 
 import platform
+from collections.abc import Callable
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -11,14 +13,17 @@ OPTION, TIMEOUT = "--code", "--code-timeout"
 
 
 class Asked(NamedTuple):
-    """Codes named on the command line, seconds that a command may take for a case, the folder of kept scorecards, and
-    of which run a new one is."""
+    """Codes named on the command line, seconds that a command may take for a case, the folder of kept scorecards,
+    of which run a new one is, and the page on which it is shown."""
 
     codes: tuple[str, ...]
     timeout: float
     folder: Path
     when: str
     machine: str
+    page: Path
+    say: Callable[[str], None]
+    """A line on the terminal at the end of the run."""
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
@@ -29,6 +34,13 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         items[:] = theirs
 
 
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """What tests said by `Asked.say`, also in other processes."""
+    for ended in (*terminalreporter.getreports("passed"), *terminalreporter.getreports("failed")):
+        for said in (line for name, line in ended.user_properties if name == OPTION):
+            terminalreporter.write_line(str(said))
+
+
 @pytest.fixture
 def asked(request: pytest.FixtureRequest) -> Asked:
     """What `--code` names; scorecards are kept in `data/codes` of the report."""
@@ -37,4 +49,9 @@ def asked(request: pytest.FixtureRequest) -> Asked:
     machine = f"{platform.system()} {platform.machine()}"
     today = datetime.now(UTC).date().isoformat()
     named, seconds = tuple(config.getoption(OPTION, None) or ()), float(config.getoption(TIMEOUT, 60.0))
-    return Asked(named, seconds, reports / "data" / "codes", today, machine)
+    say = partial(_say, request.node.user_properties)
+    return Asked(named, seconds, reports / "data" / "codes", today, machine, reports / "codes.html", say)
+
+
+def _say(properties: list[tuple[str, object]], line: str) -> None:
+    properties.append((OPTION, line))

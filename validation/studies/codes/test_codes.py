@@ -6,6 +6,7 @@ person's code is put through by `pytest validation --code`, see validation/codes
 with date, version and machine. What fails there is a result: it fails no run.
 """
 
+import gc
 from functools import cache
 
 import matplotlib.pyplot as plt
@@ -13,9 +14,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from validation.codes.card import Card, Check, scorecard
+from validation.codes.card import Card, Check, Verdict, scorecard
 from validation.codes.checks import every
-from validation.codes.kept import Kept, cell, kept, matrix, read, write
+from validation.codes.kept import Kept, cell, kept, matrix, read, told, write
 from validation.codes.named import KEPT, KNOWN, code
 from validation.harness.asked import Asked
 from validation.harness.report import Report
@@ -108,34 +109,48 @@ def test_our_codes(report: Report) -> None:
     assert all(held)
 
 
+def card_tables(report: Report, name: str, card: Kept) -> str:
+    """What fails, then what passes or is told, then what is not supported; the name of the first table."""
+    parts: dict[str, tuple[str, tuple[Verdict, ...]]] = {
+        "fails": ("what fails", ("fails",)),
+        "passes": ("what passes, and numbers for comparison", ("passes", "reported", "not stated")),
+        "lacks": ("what was not asked: not supported, for want of", ("not supported",)),
+    }
+    found = {part: (title, card.of(*verdicts)) for part, (title, verdicts) in parts.items() if card.of(*verdicts)}
+    for part, (title, rows) in found.items():
+        table = [
+            {"check": f"{row.way}: {row.check}", "expected": row.expected, "observed": cell(row, digits=True)}
+            | {"where": row.where}
+            | ({"look at": row.look} if part == "fails" else {})
+            for row in rows
+        ]
+        report.table(f"{name}_{part}", pd.DataFrame(table), f"{card.code}: {title}.")
+    return f"codes_{name}_{next(iter(found))}"
+
+
+@pytest.mark.filterwarnings("default")  # what a code of any author warns of is shown, and fails nothing
 def test_other_codes(report: Report, asked: Asked) -> None:
     """Other people's codes
 
-    One scorecard for each, of the run that is named there.
+    One scorecard for each, of the run that is named there; those just asked come first.
     """
+    now = []
     for named in asked.codes:
         folder = KEPT if named in KNOWN else asked.folder
-        write(folder, kept(scorecard(code(named, asked.timeout), every()), asked.when, asked.machine))
-    cards = [*read(KEPT), *read(asked.folder)]
+        now.append(kept(scorecard(code(named, asked.timeout), every()), asked.when, asked.machine))
+        write(folder, now[-1])
+    gc.collect()  # what a code leaves to be closed is closed, and warned of, here
+    first = [card.code for card in now]
+    cards = sorted([*read(KEPT), *read(asked.folder)], key=lambda card: card.code not in first)
     if not cards:
         pytest.skip("no other code has been put through: --code")
     for k, card in enumerate(cards):
         report.text(f"**{card.code}**, {card.version}, on {card.when} ({card.machine}): {card.verdict}.")
         if card.of("fails"):
-            report.text(
-                "\n".join(f"- {row.check}: {cell(row)}; {row.where}. Look at {row.look}." for row in card.of("fails"))
-            )
-        rows = [
-            {
-                "check": f"{row.way}: {row.check}",
-                "expected": row.expected,
-                "observed": cell(row, digits=True),
-                "where": row.where,
-            }
-            | {"if it fails, look at": row.look if row.verdict == "fails" else ""}
-            for row in sorted(card.rows, key=lambda row: row.verdict != "fails")
-        ]
-        report.table(f"card_{k}", pd.DataFrame(rows), f"{card.code}: what fails comes first.")
+            report.text("\n".join(f"- {row.check}: {told(row)}" for row in card.of("fails")))
+        place = card_tables(report, f"card_{k}", card)
+        if card.code in first:
+            asked.say(f"{card.line}: {asked.page}#table-{place}")
         report.check(f"checks that {card.code} fails", len(card.of("fails")), source="for comparison")
         report.check(f"checks that {card.code} passes", len(card.of("passes")), source="for comparison")
     ran = our_cards() if our_cards.cache_info().currsize else ()  # a run of other codes alone does not ask ours
