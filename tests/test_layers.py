@@ -42,7 +42,10 @@ ORDER = [
     ),
     *(f"large_deformation.{name}" for name in ("adjoint", "objectives", "problem")),
     "large_deformation",
-    *(f"comparison.{name}" for name in ("asked", "progress", "methods", "judging", "runs", "entries", "pictures")),
+    *(
+        f"comparison.{name}"
+        for name in ("asked", "progress", "crossed", "methods", "judging", "runs", "entries", "pictures")
+    ),
     *(f"comparison.{name}" for name in ("files", "verdict", "page", "lock", "scene_file", "compare", "one", "command")),
     *("comparison", "__main__"),
 ]

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from mpmtop.comparison.asked import FEM, GIMP, MPM, NONE, SPLINE, Asked
+from mpmtop.comparison.crossed import as_seeded
 from mpmtop.crossing import named
 from mpmtop.diagnose import ModelWarning
 from mpmtop.errors import InvalidScene, LoadOutsideBody, PointOutsideGrid, UnsupportedBody
@@ -81,6 +82,7 @@ def _points(asked: Asked, shape_function: ShapeFunction, crossing: str) -> Prepa
         model = discretise(scene.body, asked.h, asked.ppc, shape_function, ghost=ghost)
     else:
         moved = named(crossing)(seeded, scene.body.domain, asked.h[0], float(scene.body.domain.bounds[0][0]))
+        scene = as_seeded(scene, seeded.x, moved.x)
         model = discretise(scene.body, asked.h, shape_function=shape_function, points=moved, ghost=ghost)
     problem = DesignProblem(
         model, scene.design, scene.objective, seeded, constraints=scene.constraints, cases=scene.cases
