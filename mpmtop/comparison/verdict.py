@@ -62,35 +62,71 @@ def ranked(entries: list[Entry]) -> list[Entry]:
 
 
 def _use(found: Comparison) -> str:
-    seeded = ranked(found.under(NONE)) or ranked(list(found.found))
+    crossing = NONE if found.under(NONE) else found.asked.crossing[0]
+    seeded = ranked([entry for entry in found.under(crossing) if not entry.same_as]) or ranked(found.found)
     if not seeded:
         return "No method could be asked: see what each says below."
-    best = seeded[0]
+    failed = _failed(found, crossing)
+    judged = [entry for entry in seeded if not np.isnan(truth(entry))]
+    if not judged:
+        return f"No method can be told from another. {failed}"
+    best = judged[0]
     what = measure(found.asked.scene)
-    alike = same(found)
-    good = [e for e in seeded if _feasible(e) == _feasible(best) and relative(truth(e), truth(best)) <= alike]
-    own = {entry.slug for entry in good}
-    rest = [entry for entry in seeded if entry not in good]
-    text = f"{_either(good)}: "
-    if len(seeded) == 1:
+    good = _good(found, judged)
+    text = f"{_either(found, good)}: "
+    if len(judged) == 1:
         text += f"the fine reference finds a true {what} of {number(truth(best), 4)} in its design."
-        return text
-    text += f"judged by the fine reference, the {what} of "
-    text += f"the design is {number(truth(best), 4)}" if len(own) == 1 else f"their designs is {_span(good)}"
-    if len(own) > 1:
-        text += f", {_equal(found)}"
-    text += "."
+    else:
+        text += f"judged by the fine reference, the {what} of "
+        if len(good) == 1:
+            text += f"the design is {number(truth(best), 4)}."
+        else:
+            text += f"their designs is {_span([truth(e) for e in good])}, {_equal(found)}: take any. "
+            text += _nearest(found, good)
+    rest = [entry for entry in judged if entry not in good]
     if rest:
-        worse = (
-            f"{METHODS[entry.method]} {changed(relative(truth(entry), truth(best)))}"
-            if _feasible(entry)
-            else f"{METHODS[entry.method]} violates a constraint by {_violation(entry):.1%}"
-            for entry in rest
-            if not np.isnan(truth(entry))
-        )
-        told = "; ".join(worse)
-        text += f" Beside the best, {told}." if told else ""
-    return text
+        text += f" Beside the best, {'; '.join(_beside_best(found, entry, best) for entry in rest)}."
+    return f"{text} {failed}".strip()
+
+
+def _beside_best(found: Comparison, entry: Entry, best: Entry) -> str:
+    if _feasible(entry):
+        return f"{_name(found, entry)} {changed(relative(truth(entry), truth(best)))}"
+    return f"{_name(found, entry)} violates a constraint by {_violation(entry):.1%}"
+
+
+def _good(found: Comparison, judged: list[Entry]) -> list[Entry]:
+    """Those that are as good as the best, see `same`, best first."""
+    best, alike = ranked(judged)[0], same(found)
+    return [e for e in ranked(judged) if _feasible(e) == _feasible(best) and relative(truth(e), truth(best)) <= alike]
+
+
+def _failed(found: Comparison, crossing: str) -> str:
+    """Names those of a crossing that have no design, or one that the judge finds no equilibrium in."""
+    entries = [entry for entry in found.entries if entry.crossing == crossing and not entry.same_as]
+    none = [_name(found, entry) for entry in entries if entry.run is None]
+    lost = [_name(found, entry) for entry in entries if entry.run is not None and np.isnan(truth(entry))]
+    text = f"There is no design by {listed(none)}, see Mind." if none else ""
+    return f"{text} The judge finds no equilibrium in the design by {listed(lost)}.".strip() if lost else text
+
+
+def _nearest(found: Comparison, good: list[Entry]) -> str:
+    """Among equal designs, whose method says best how good they are."""
+    miss = {entry: _miss(entry) for entry in good}
+    least = min(abs(part) for part in miss.values())
+    near = [entry for entry in good if abs(miss[entry]) - least <= same(found)]
+    if len(near) == len(good):
+        return f"Their own values are about equally near the truth ({listed([f'{miss[e]:+.1%}' for e in near])})."
+    told = listed([f"{_name(found, e)} ({miss[e]:+.1%})" for e in near])
+    return (
+        f"The own value{'s' if len(near) > 1 else ''} of {told} {'are' if len(near) > 1 else 'is'} nearest the truth."
+    )
+
+
+def _miss(entry: Entry) -> float:
+    """How far a method's own value is from the truth of the same design."""
+    assert entry.run is not None
+    return relative(entry.run.own, truth(entry))
 
 
 def same(found: Comparison) -> float:
@@ -101,8 +137,8 @@ def same(found: Comparison) -> float:
 
 def _equal(found: Comparison) -> str:
     if same(found) > SAME:
-        return f"which is equal for what the judge can tell ({same(found):.1%})"
-    return f"which is equal for what rule and start make of an optimum ({SAME:.2%})"
+        return f"which is equal for what the judge can tell (within {same(found):.2%})"
+    return f"which is equal for what rule and start make of an optimum (within {SAME:.2%})"
 
 
 def _violation(entry: Entry) -> float:
@@ -113,47 +149,64 @@ def _feasible(entry: Entry) -> bool:
     return _violation(entry) <= SAME
 
 
-def _either(good: list[Entry]) -> str:
-    """Methods to choose among; those that are one method are said to be."""
-    own = [entry for entry in good if not entry.same_as]
-    words = []
-    for entry in own:
-        twins = [METHODS[other.method] for other in good if other.same_as == entry.method]
-        words.append(f"{METHODS[entry.method]} or {' or '.join(twins)} (one method here)" if twins else "")
-        words[-1] = words[-1] or METHODS[entry.method]
+def _name(found: Comparison, entry: Entry) -> str:
+    """Its method, and those that are the same equations here: MPM = GIMP."""
+    twins = (e.method for e in found.entries if e.crossing == entry.crossing and e.same_as == entry.method)
+    return " = ".join(METHODS[method] for method in (entry.method, *twins))
+
+
+def _label(found: Comparison, entry: Entry) -> str:
+    return _name(found, entry) if entry.crossing == NONE else f"{_name(found, entry)}, {entry.crossing}"
+
+
+def _either(found: Comparison, good: list[Entry]) -> str:
+    """Methods to choose among."""
+    words = [_name(found, entry) for entry in good]
     return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} or {words[-1]}"
 
 
-def _span(entries: list[Entry]) -> str:
-    values = [truth(entry) for entry in entries]
+def _span(values: list[float]) -> str:
     low, high = number(min(values), 4), number(max(values), 4)
     return low if low == high else f"{low} to {high}"
 
 
 def _crossings(found: Comparison) -> list[str]:
     """What each family costs in truth, and what the methods say of it."""
-    sentences = []
-    for crossing in found.asked.crossing:
-        if crossing == NONE:
-            continue
-        pairs = [(entry, found.seeded(entry.method)) for entry in found.under(crossing)]
-        both = [(crossed, still) for crossed, still in pairs if still is not None and not np.isnan(truth(crossed))]
-        if not both:
-            continue
-        true = listed([f"{changed(relative(truth(c), truth(s)))} with {METHODS[c.method]}" for c, s in both])
-        claim = listed([f"{_own(c, s):+.1%}" for c, s in both])
-        best = ranked([c for c, _ in both])[0]
-        good = [
-            c for c, _ in both if relative(truth(c), truth(best)) <= same(found) and _feasible(c) == _feasible(best)
-        ]
-        sentences.append(
-            f"{moved(crossing_of(crossing))}, the true {measure(found.asked.scene)} of designs is {true} than as "
-            f"seeded; the methods themselves report {claim}. If points cross like this, take {_either(good)}."
-            if len(both) > 1
-            else f"{moved(crossing_of(crossing))}, the true {measure(found.asked.scene)} of the design is {true} than "
-            f"as seeded; the method itself reports {claim}."
-        )
-    return [sentence.replace("unchanged with", "unchanged (to 0.1%) with") for sentence in sentences]
+    said = [_crossing(found, crossing) for crossing in found.asked.crossing if crossing != NONE]
+    told = [sentence for sentence in said if sentence]
+    if told and FEM in found.asked.methods:
+        told.append("FEM is not among them: its mesh does not cross.")
+    return told
+
+
+def _crossing(found: Comparison, crossing: str) -> str:
+    entries = [entry for entry in found.under(crossing) if not entry.same_as and not np.isnan(truth(entry))]
+    pairs = [(entry, found.seeded(entry.method)) for entry in entries]
+    both = [(crossed, still) for crossed, still in pairs if still is not None and not np.isnan(truth(still))]
+    failed = _failed(found, crossing)
+    if not both:
+        return f"{moved(crossing_of(crossing))}: {failed}" if failed else ""
+    alike = same(found)
+    change = {crossed: relative(truth(crossed), truth(still)) for crossed, still in both}
+    felt = [f"{changed(part)} with {_name(found, e)}" for e, part in change.items() if abs(part) > alike]
+    small = [_name(found, e) for e, part in change.items() if abs(part) <= alike]
+    none = f"not distinguishable from none (below {alike:.2%})"
+    what = measure(found.asked.scene)
+    text = moved(crossing_of(crossing))
+    if felt:
+        text += f", the true {what} of designs is {listed(felt)} than as seeded"
+        text += f"; with {listed(small)} the change is {none}" if small else ""
+    else:
+        text += f", the change of the true {what} of designs is {none} with {listed(small)}"
+    claim = listed([f"{_own(c, s):+.1%} ({_name(found, c)})" for c, s in both])
+    text += (
+        f"; the method{'s themselves' if len(both) > 1 else ' itself'} report{'' if len(both) > 1 else 's'} {claim}."
+    )
+    if len(both) > 1:
+        good = _good(found, [crossed for crossed, _ in both])
+        text += f" If points cross like this, take {_either(found, good)}{', any' if len(good) > 1 else ''}."
+        text += f" {_nearest(found, good)}" if len(good) > 1 else ""
+    return f"{text} {failed}".strip()
 
 
 def _own(crossed: Entry, still: Entry) -> float:
@@ -185,20 +238,62 @@ def _cut(found: Comparison) -> str:
     judged = [e for e in found.found if e.run is not None and not np.isnan(e.run.numbers.cut)]
     lost = [e.label for e in found.found if e not in judged]
     torn = f"Cut so, the load hangs on void with {listed(lost)}: take more iterations, or a projection." if lost else ""
-    best = _best_cut(judged)
+    best = _best_cut(found, judged)
     return f"{best} {torn}".strip() if best else torn.replace("Cut so", "Cut to black and white at its own volume")
 
 
-def _best_cut(judged: list[Entry]) -> str:
+def _best_cut(found: Comparison, judged: list[Entry]) -> str:
     if not judged:
         return ""
     by = {entry: entry.run.numbers.cut for entry in judged if entry.run is not None}
-    best = min(judged, key=by.__getitem__)
-    text = f"Cut to black and white at its own volume, the best design is that of {best.label}: {number(by[best], 4)}"
-    worst = max(judged, key=by.__getitem__)
-    if worst is best:
-        return f"{text}."
-    return f"{text}; the worst that of {worst.label}, {changed(relative(by[worst], by[best]))}."
+    best, worst = min(by.values()), max(by.values())
+    good = [entry for entry in judged if relative(by[entry], best) <= same(found)]
+    begin = "Cut to black and white at its own volume, "
+    if len(good) == len(judged) > 1:
+        return f"{begin}every design is as good: {_span(list(by.values()))}, within {same(found):.2%}."
+    bad = [entry for entry in judged if entry not in good and relative(worst, by[entry]) <= same(found)]
+    text = f"{begin}{_those(found, good, 'the best')}: {_span([by[entry] for entry in good])}"
+    return f"{text}; {_those(found, bad, 'the worst')}, {changed(relative(worst, best))}." if bad else f"{text}."
+
+
+def _those(found: Comparison, entries: list[Entry], rank: str) -> str:
+    told = listed([_label(found, entry) for entry in entries])
+    return f"{rank} design is that of {told}" if len(entries) == 1 else f"{rank} designs are those of {told}"
+
+
+def _distrust(found: Comparison) -> list[str]:
+    """Own values that are better or worse than the truth of the same designs, and what cutting makes worse by far."""
+    limit = max(MISLEADS, same(found))
+    judged = [e for e in found.found if e.run and not np.isnan(truth(e))]
+    better = [e for e in judged if _miss(e) < -limit]
+    worse = [e for e in judged if _miss(e) > limit]
+    sides = (("optimistic", sorted(better, key=_miss)), ("pessimistic", sorted(worse, key=_miss, reverse=True)))
+    told = [
+        f"{side} by more than {limit:.1%} is {listed([_times(found, e, truth(e)) for e in those])}"
+        for side, those in sides
+        if those
+    ]
+    said = [f"Do not trust these own values: {'; '.join(told)}."] if told else []
+    cut = [e for e in judged if e.run and min(_lost(e, truth(e)), _lost(e, e.run.own)) > limit]
+    if cut:
+        each = listed([_times(found, e, e.run.numbers.cut) for e in cut if e.run])
+        said.append(
+            f"Cut to black and white, worse than grey and than its own value, both by more than {limit:.1%}: {each}."
+        )
+    return said
+
+
+def _lost(entry: Entry, to: float) -> float:
+    assert entry.run is not None
+    return relative(entry.run.numbers.cut, to)
+
+
+def _times(found: Comparison, entry: Entry, true: float) -> str:
+    assert entry.run is not None
+    own = entry.run.own
+    if own * true <= 0:
+        return f"{_label(found, entry)} ({number(own, 4)} for {number(true, 4)})"
+    return f"{_label(found, entry)} (the truth is {number(true / own)} times it)"
 
 
 def _mind(found: Comparison) -> list[str]:
@@ -211,15 +306,7 @@ def _mind(found: Comparison) -> list[str]:
             f"The filter radius {radius:g} is below the cells' side {h:.4g}: points hide stress between them from "
             f"MPM. Take a radius of a cell at least, or h of at most {radius:g}."
         )
-    off = [e for e in found.found if e.run and abs(relative(e.run.own, truth(e))) > MISLEADS]
-    if off:
-        worst = max(off, key=lambda e: abs(relative(e.run.own, truth(e))) if e.run else 0.0)
-        assert worst.run is not None
-        of = "any method" if len(off) == len(found.found) > 1 else listed([e.label for e in off])
-        said.append(
-            f"Do not trust the own value of {of}: the truth is up to "
-            f"{number(truth(worst) / worst.run.own)} times it ({worst.label})."
-        )
+    said += _distrust(found)
     said += [f"{entry.label} cannot be asked: {entry.refusal}." for entry in found.entries if entry.refusal]
     said += [f"{e.label} stopped: {e.run.numbers.error}." for e in found.found if e.run and e.run.numbers.error]
     short = [e for e in found.found if e.run and e.run.numbers.outcome in ("max iterations", "infeasible")]
