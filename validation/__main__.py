@@ -78,7 +78,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         try:
             path = write_template(given.name)
             print(f"wrote {path}; fill in its class Code, then, in {ROOT}:")
-            print(f"pytest validation --code {shlex.quote(f'{path}:Code')}")
+            code, report = shlex.quote(f"{path}:Code"), shlex.quote(str(path.parent / "report"))
+            print(f"pytest validation --code {code} --reports {report}")
         except NoAdapter as error:
             parser.error(str(error))
         return 0

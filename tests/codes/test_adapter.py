@@ -93,7 +93,9 @@ def test_the_template_is_an_adapter(
     for named, path in (("mine", tmp_path / "mine.py"), (f"{tmp_path}/a/my.py", tmp_path / "a" / "my.py")):
         assert main(["adapter", named]) == 0
         said = capsys.readouterr().out.splitlines()
-        assert said[0].startswith(f"wrote {path};") and said[1] == f"pytest validation --code {path}:Code"
+        assert said[0].startswith(f"wrote {path};") and said[1].startswith(
+            f"pytest validation --code {path}:Code --reports "
+        )
         assert code(f"{path}:Code").name == path.stem
     card = scorecard(code("mine.py:Code"), quick())
     assert card.code == "mine" and len(card.of("fails")) == 3
