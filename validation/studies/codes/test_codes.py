@@ -42,10 +42,15 @@ def grounds(checks: list[Check]) -> pd.DataFrame:
     return pd.DataFrame.from_dict(rows, orient="index").rename_axis("check")
 
 
+SHORT = {"passes": "✓", "fails": "✗", "not supported": "–", "not stated": "?"}
+"""Verdicts in a table that has a column for each code."""
+LEGEND = ", ".join(f"{sign} {verdict}" for verdict, sign in SHORT.items()) + "; empty: the card is older than the check"
+
+
 def shown(cards: list[Kept]) -> pd.DataFrame:
     """Checks by code."""
-    table = pd.DataFrame.from_dict(matrix(cards), orient="index").rename_axis("check")
-    return table.fillna("not asked then")  # of a card that is older than the check
+    table = pd.DataFrame.from_dict(matrix(cards), orient="index").rename_axis("check").fillna("")
+    return table.replace({f"^{verdict}": sign for verdict, sign in SHORT.items()}, regex=True)
 
 
 def crossing(cards: list[Kept]) -> plt.Figure:
@@ -84,7 +89,7 @@ def test_our_codes(report: Report) -> None:
     cards = our_cards()
     report.table("checks", grounds(every()), "What is asked, why it must hold, and what usually causes a failure.")
     report.table(
-        "ours", shown([kept(card, "", "") for card in cards]), "Verdicts; numbers where they tell more than that."
+        "ours", shown([kept(card, "", "") for card in cards]), f"{LEGEND}. Numbers where they tell more than that."
     )
     figure = crossing([kept(card, "", "") for card in cards])
     report.figure("crossing", figure, "The cantilever with points moved by each family; elements have none to move.")
@@ -159,4 +164,4 @@ def test_other_codes(report: Report, asked: Asked) -> None:
     report.figure(
         "crossing_others", figure, "The same with other people's codes among ours." if ran else "The families."
     )
-    report.table("matrix", shown(everyone), f"{'All codes' if ran else 'Other codes'}, check by check.")
+    report.table("matrix", shown(everyone), f"{'All codes' if ran else 'Other codes'}, check by check: {LEGEND}.")
