@@ -47,6 +47,10 @@ SHORT = {"passes": "✓", "fails": "✗", "not supported": "–", "not stated": 
 LEGEND = ", ".join(f"{sign} {verdict}" for verdict, sign in SHORT.items()) + "; empty: the card is older than the check"
 
 
+BESIDE = ("standard", "GIMP")
+"""Of our codes, those that stand beside others: what others are. The table of ours has all of them."""
+
+
 def shown(cards: list[Kept]) -> pd.DataFrame:
     """Checks by code."""
     table = pd.DataFrame.from_dict(matrix(cards), orient="index").rename_axis("check").fillna("")
@@ -164,4 +168,5 @@ def test_other_codes(report: Report, asked: Asked) -> None:
     report.figure(
         "crossing_others", figure, "The same with other people's codes among ours." if ran else "The families."
     )
-    report.table("matrix", shown(everyone), f"{'All codes' if ran else 'Other codes'}, check by check: {LEGEND}.")
+    beside = [card for card in everyone if card in cards or card.code in BESIDE]
+    report.table("matrix", shown(beside), f"Other codes{' beside two of ours' if ran else ''}: {LEGEND}.")
