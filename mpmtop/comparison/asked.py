@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from mpmtop.arrays import Array
 from mpmtop.criteria import Compliance
 from mpmtop.crossing import named
 from mpmtop.errors import InvalidScene
@@ -31,6 +32,8 @@ USUAL_POINTS, MORE_POINTS = 3200, 20000
 may ask for."""
 SAMPLES = 200
 """Positions along a side of the box by which the area of a domain is told: to a per cent or so."""
+TYPED = 5e-4
+"""Of a side: what four digits of a cell's side leave, 0.2963 for 8/27; the cells then divide the box exactly."""
 MOVE = 0.3
 """The paper's move limit."""
 
@@ -76,7 +79,7 @@ class Asked:
 def ask(
     scene: Scene,
     *,
-    h: float | None = None,
+    h: float | tuple[float, float] | None = None,
     ppc: int = 2,
     methods: Iterable[str] = USUAL_METHODS,
     crossing: Iterable[str] | None = None,
@@ -85,8 +88,8 @@ def ask(
     ghost: float = 0.0,
     rule: UpdateRule | None = None,
 ) -> Asked:
-    """The comparison of a scene, on cells of side h, which has to divide the domain's box. InvalidScene where it cannot
-    be made as a whole.
+    """The comparison of a scene, on cells of side h, or of sides (hx, hy), which have to divide the domain's box to
+    four digits. InvalidScene where it cannot be made as a whole.
 
     Unless h is given there are about 3,200 points, or as many more, up to 20,000, as make a cell no wider than the
     filter radius. Without `crossing` points are taken as seeded and by "periodic"; in load steps, where they cross by
@@ -132,12 +135,15 @@ def _check_load_steps(scene: Scene, load_steps: int, methods: Iterable[str]) -> 
         )
 
 
-def cells(scene: Scene, h: float | None) -> tuple[float, float]:
+def cells(scene: Scene, h: float | tuple[float, float] | None) -> tuple[float, float]:
     """Sides (2,) of a cell: h, made to divide the domain's box exactly, or chosen, see `ask`."""
     lower, upper = scene.body.domain.bounds
     sides = upper - lower
     if h is not None:
-        count = divisions("cell size h", (lower, upper), (h, h))
+        size = _typed(h)
+        nearest = sides / np.maximum(np.rint(sides / size), 1)
+        near = np.all(np.abs(nearest - size) <= TYPED * nearest)
+        count = divisions("cell size h", (lower, upper), nearest if near else size)
         return float(sides[0] / count[0]), float(sides[1] / count[1])
     per_point = area(scene.body.domain) / np.array([USUAL_POINTS, MORE_POINTS])
     usual, least = np.sqrt(4 * per_point)  # four points in a cell
@@ -151,6 +157,14 @@ def cells(scene: Scene, h: float | None) -> tuple[float, float]:
     size = np.empty(2)
     size[long], size[1 - long] = sides[long] / counts[chosen], sides[1 - long] / max(1, np.rint(others[chosen]))
     return float(size[0]), float(size[1])
+
+
+def _typed(h: object) -> Array:
+    """Both sides (2,) of a cell, of one number or of two."""
+    pair = tuple(h) if isinstance(h, tuple | list | np.ndarray) else (h, h)
+    if len(pair) != 2 or not all(isinstance(side, int | float | np.number) and 0 < side < np.inf for side in pair):
+        raise InvalidScene(f"cell size h = {h!r}: give one positive number, or two, (hx, hy)")
+    return np.array(pair, float)
 
 
 def area(domain: Region) -> float:

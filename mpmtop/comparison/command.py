@@ -8,6 +8,8 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 import mpmtop
 
 DONE, WRONG, MOVED, STOPPED = 0, 1, 3, 130
@@ -42,8 +44,11 @@ ghost and rule (`new` writes one). An interrupted comparison goes on where it wa
 not changed is not computed again."""
 
 CROSSING = """\
-families of crossing, several with blanks between: none, or uniform(s), periodic(n, d), wave(n, d), bump(n, w, d),
-jitter(d), numbers optional (quote brackets); in units of a cell's side. Usual: none periodic(4, 0.26)"""
+how points are moved in x before the analysis, in units of a cell's side; several with blanks between, quoted for their
+brackets, numbers optional: none, as seeded; uniform(s), all points by s; periodic(n, d), the column left of every n-th
+cell boundary by d; wave(n, d), by a sine of length n and amplitude d; bump(n, w, d), by up to d around every n-th
+boundary, over a width w; jitter(d), each at random by up to d. Usual: none periodic(4, 0.26). FEM takes no
+part: its mesh does not cross"""
 
 
 def parser() -> argparse.ArgumentParser:
@@ -85,7 +90,7 @@ def parser() -> argparse.ArgumentParser:
 
 def _add_common(of: argparse.ArgumentParser) -> None:
     of.add_argument("file", type=Path, help="file that makes the scene")
-    of.add_argument("--h", type=float, help="side of a cell (about 3,200 points)")
+    of.add_argument("--h", type=_sides, help="side of a cell, or two as 0.3,0.2963 (about 3,200 points)")
     of.add_argument("--ppc", type=_count, help="points per cell and direction (2)")
     of.add_argument("--iterations", type=_count, help="at most (300)")
     of.add_argument("--load-steps", type=_count, help="large deformation, in so many steps (small strain)")
@@ -97,6 +102,16 @@ def _count(text: str) -> int:
     if not text.isdigit() or int(text) < 1:
         raise argparse.ArgumentTypeError(f"{text!r} is no whole number from 1 on")
     return int(text)
+
+
+def _sides(text: str) -> float | tuple[float, float]:
+    try:
+        sides = tuple(float(part) for part in text.strip("()[] ").split(","))
+    except ValueError:
+        sides = ()
+    if len(sides) not in (1, 2):
+        raise argparse.ArgumentTypeError(f"{text!r} is neither a number nor two with a comma, as 0.3,0.2963")
+    return sides[0] if len(sides) == 1 else (sides[0], sides[1])
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -185,7 +200,7 @@ def _options(given: argparse.Namespace) -> str:
     for name in ("h", "ppc", "iterations", "load_steps", "ghost", "methods", "crossing"):
         value = getattr(given, name)
         if value is not None:
-            words = value if isinstance(value, list) else [f"{value:g}"]
+            words = value if isinstance(value, list) else [",".join(f"{part:g}" for part in np.atleast_1d(value))]
             quoted = (f"'{word}'" if "(" in word else word for word in words)
             said += f" --{name.replace('_', '-')} {' '.join(quoted)}"
     return said

@@ -43,7 +43,7 @@ class Compared(NamedTuple):
 def compare(
     scene: Scene,
     *,
-    h: float | None = None,
+    h: float | tuple[float, float] | None = None,
     ppc: int = 2,
     methods: Iterable[str] = ("fem", "mpm", "gimp", "bspline2"),
     crossing: Iterable[str] | None = None,
@@ -58,10 +58,10 @@ def compare(
     """Optimise the scene by each method, with and without crossing, judge all designs by the fine reference, and write
     a page that says which method to use: `out`/index.html, files beside it; `out` is named after the scene if left out.
 
-    On cells of side h with ppc x ppc points, chosen as in `ask` if not given; `methods` are some of fem, mpm, gimp,
-    bspline2, bspline3; `crossing` some of "none" and the families of `mpmtop.crossing`, as "periodic(4, 0.26)", the
-    first of both unless given. `load_steps` makes it large deformation. `jobs` processes run beside each other. Runs
-    are kept in `out`: what was interrupted goes on, what is unchanged is not made again.
+    On cells of side h, or (hx, hy), with ppc x ppc points, chosen as in `ask` if not given; `methods` are some of fem,
+    mpm, gimp, bspline2, bspline3; `crossing` some of "none" and the families of `mpmtop.crossing`, as
+    "periodic(4, 0.26)", the first of both unless given. `load_steps` makes it large deformation. `jobs` processes run
+    beside each other. Runs are kept in `out`: what was interrupted goes on, what is unchanged is not made again.
 
     Raises InvalidScene, which says what to change, also where more than so many `hours` are estimated.
     """
@@ -86,7 +86,9 @@ def _file_name(name: str) -> str:
 
 def _from_python(asked: Asked) -> str:
     crossing = ", ".join(map(repr, asked.crossing))
-    return f"mpmtop.compare(scene, h={asked.h[0]:g}, methods={asked.methods}, crossing=({crossing},))"
+    hx, hy = asked.h
+    h = f"{hx:g}" if np.isclose(hx, hy) else f"({hx:g}, {hy:g})"
+    return f"mpmtop.compare(scene, h={h}, methods={asked.methods}, crossing=({crossing},))"
 
 
 def write(asked: Asked, folder: Path, command: str, *, jobs: int, hours: float, live: bool) -> Compared:

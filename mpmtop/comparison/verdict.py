@@ -269,14 +269,14 @@ def _distrust(found: Comparison) -> list[str]:
     worse = [e for e in judged if _miss(e) > limit]
     sides = (("optimistic", sorted(better, key=_miss)), ("pessimistic", sorted(worse, key=_miss, reverse=True)))
     told = [
-        f"{side} by more than {limit:.1%} is {listed([_times(found, e, truth(e)) for e in those])}"
+        f"{side} by more than {limit:.1%}: {'; '.join(_times(found, e, truth(e)) for e in those)}"
         for side, those in sides
         if those
     ]
-    said = [f"Do not trust these own values: {'; '.join(told)}."] if told else []
+    said = [f"Do not trust own values that are {each}." for each in told]
     cut = [e for e in judged if e.run and min(_lost(e, truth(e)), _lost(e, e.run.own)) > limit]
     if cut:
-        each = listed([_times(found, e, e.run.numbers.cut) for e in cut if e.run])
+        each = "; ".join(_times(found, e, e.run.numbers.cut) for e in cut if e.run)
         said.append(
             f"Cut to black and white, worse than grey and than its own value, both by more than {limit:.1%}: {each}."
         )
@@ -292,8 +292,8 @@ def _times(found: Comparison, entry: Entry, true: float) -> str:
     assert entry.run is not None
     own = entry.run.own
     if own * true <= 0:
-        return f"{_label(found, entry)} ({number(own, 4)} for {number(true, 4)})"
-    return f"{_label(found, entry)} (the truth is {number(true / own)} times it)"
+        return f"{_label(found, entry)}, {number(own, 4)} for {number(true, 4)}"
+    return f"{_label(found, entry)}, the truth is {number(true / own)} times its own value"
 
 
 def _mind(found: Comparison) -> list[str]:

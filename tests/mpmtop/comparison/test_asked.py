@@ -33,6 +33,12 @@ def test_cells_of_sides_without_a_common_measure_are_nearly_square() -> None:
     assert max(h) < 1.05 * min(h)  # half a cell of 20 over the depth
 
 
+@pytest.mark.parametrize("h", [(0.5, 4 / 27), [0.5, 0.1481], np.array([0.5, 4 / 27])])
+def test_cells_of_two_sides_divide_the_box_exactly(h: Any) -> None:
+    """0.1481 is 4 / 27 to four digits."""
+    assert ask(BEAM, h=h).h == pytest.approx((0.5, 4 / 27), rel=1e-14)
+
+
 def test_a_small_filter_radius_asks_for_smaller_cells_up_to_a_limit() -> None:
     fine = ask(scene((40.0, 20.0), 0.8))
     assert max(fine.h) <= 0.8 * 1.01  # the nearest number of cells
@@ -52,6 +58,10 @@ def test_the_area_of_a_domain_is_told_to_a_per_cent() -> None:
         ({"crossing": ()}, "no crossing"),
         ({"methods": ("fem",), "crossing": ("periodic",)}, "no points that cross"),
         ({"h": 0.3}, "does not divide"),
+        ({"h": (0.5, 0.3)}, "does not divide"),
+        ({"h": (1.0, 1.0, 1.0)}, r"h = \(1.0, 1.0, 1.0\): give one positive number, or two"),
+        ({"h": ("1", "1")}, "give one positive number, or two"),
+        ({"h": -1.0}, "give one positive number, or two"),
         ({"ppc": 0}, "0 points per cell"),
         ({"iterations": 0}, "0 iterations"),
         ({"load_steps": 0}, "0 load steps"),

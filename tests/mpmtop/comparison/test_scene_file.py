@@ -43,6 +43,9 @@ def test_a_missing_file_is_told_with_what_writes_one(tmp_path: Path, capsys: pyt
         (SMALL, ["--hours", "1e-9"], "give a larger h or fewer iterations"),
         (SMALL, ["--h", "0.001"], "the largest problem measured has 2,000,000"),
         (SMALL, ["--h", "0.3"], "does not divide the domain's sides"),
+        (SMALL + "h = (0.3, 0.2, 0.1)\n", [], "h = (0.3, 0.2, 0.1): give one positive number, or two"),
+        (SMALL + "h = (0.5, 4 / 27)\n", ["--hours", "1e-9"], "give a larger h or fewer iterations"),
+        (SMALL, ["--h", "0.5,0.1481", "--hours", "1e-9"], "give a larger h or fewer iterations"),
         (SMALL.replace("(-1.0, 0.0), (0.0, 4.0)", "(-9.0, 0.0), (-8.0, 4.0)"), [], "holds no node"),
         (SMALL + "methods = ('fem', 'spectral')\n", [], "method 'spectral'"),
     ],
@@ -81,7 +84,7 @@ def test_names_are_separated_but_not_in_brackets() -> None:
 
 
 def test_a_wrong_command_ends_with_two(capsys: pytest.CaptureFixture[str]) -> None:
-    for argv in (["compare"], ["dance"], ["compare", "x.py", "--jobs", "0"]):
+    for argv in (["compare"], ["dance"], ["compare", "x.py", "--jobs", "0"], ["compare", "x.py", "--h", "1,2,3"]):
         with pytest.raises(SystemExit) as stopped:
             main(argv)
         assert stopped.value.code == 2

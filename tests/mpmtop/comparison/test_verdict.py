@@ -110,16 +110,16 @@ def test_a_negative_objective_is_better_the_lower() -> None:
 
 def test_own_values_that_mislead_are_warned_of() -> None:
     told = said(comparison(entry(FEM, 100.0, 101.0), entry(SPLINE, 50.0, 102.0)))
-    assert "optimistic by more than 5.0% is quadratic B-splines (the truth is 2.04 times it)." in told["Mind"]
+    assert "optimistic by more than 5.0%: quadratic B-splines, the truth is 2.04 times its own value." in told["Mind"]
     assert "-51.0% (quadratic B-splines reports 50 for 102) to -1.0% (FEM, 100 for 101)" in told["Claims"]
     assert "Mind" not in said(comparison(entry(FEM, 100.0, 101.0)))
     both = said(comparison(entry(MPM, 100.0, 110.0), entry(FEM, 110.0, 100.0, cut=180.0), entry(SPLINE, 100.0, 104.0)))
-    assert "optimistic by more than 5.0% is MPM (the truth is 1.1 times it); pessimistic by more" in both["Mind"]
-    assert "is FEM (the truth is 0.909 times it)." in both["Mind"]
+    assert "optimistic by more than 5.0%: MPM, the truth is 1.1 times its own value." in both["Mind"]
+    assert "pessimistic by more than 5.0%: FEM, the truth is 0.909 times its own value." in both["Mind"]
     assert "Cut to black and white, worse than grey and than its own value" in both["Mind"]
-    assert "by more than 5.0%: FEM (the truth is 1.64 times it)." in both["Mind"]
+    assert "by more than 5.0%: FEM, the truth is 1.64 times its own value." in both["Mind"]
     sign = said(comparison(entry(MPM, -1.0, 0.5)))["Mind"]
-    assert "MPM (-1 for 0.5)" in sign
+    assert "MPM, -1 for 0.5." in sign
 
 
 def test_what_failed_stopped_or_hangs_on_void_is_told() -> None:
