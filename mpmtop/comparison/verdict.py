@@ -159,6 +159,11 @@ def _label(found: Comparison, entry: Entry) -> str:
     return _name(found, entry) if entry.crossing == NONE else f"{_name(found, entry)}, {entry.crossing}"
 
 
+def _row(labels: list[str]) -> str:
+    """Runs in a row; the commas of a crossing separate none."""
+    return "; ".join(labels) if any("," in label for label in labels) else listed(labels)
+
+
 def _either(found: Comparison, good: list[Entry]) -> str:
     """Methods to choose among."""
     words = [_name(found, entry) for entry in good]
@@ -236,8 +241,8 @@ def _beside(entry: Entry) -> str:
 def _cut(found: Comparison) -> str:
     """What is left of the designs in black and white."""
     judged = [e for e in found.found if e.run is not None and not np.isnan(e.run.numbers.cut)]
-    lost = [e.label for e in found.found if e not in judged]
-    torn = f"Cut so, the load hangs on void with {listed(lost)}: take more iterations, or a projection." if lost else ""
+    lost = [_label(found, e) for e in found.found if e not in judged]
+    torn = f"Cut so, the load hangs on void with {_row(lost)}: take more iterations, or a projection." if lost else ""
     best = _best_cut(found, judged)
     return f"{best} {torn}".strip() if best else torn.replace("Cut so", "Cut to black and white at its own volume")
 
@@ -257,7 +262,7 @@ def _best_cut(found: Comparison, judged: list[Entry]) -> str:
 
 
 def _those(found: Comparison, entries: list[Entry], rank: str) -> str:
-    told = listed([_label(found, entry) for entry in entries])
+    told = _row([_label(found, entry) for entry in entries])
     return f"{rank} design is that of {told}" if len(entries) == 1 else f"{rank} designs are those of {told}"
 
 
@@ -311,7 +316,7 @@ def _mind(found: Comparison) -> list[str]:
     said += [f"{e.label} stopped: {e.run.numbers.error}." for e in found.found if e.run and e.run.numbers.error]
     short = [e for e in found.found if e.run and e.run.numbers.outcome in ("max iterations", "infeasible")]
     if short:
-        each = listed([f"{e.label} ({e.run.numbers.outcome})" for e in short if e.run])
+        each = _row([f"{e.label} ({e.run.numbers.outcome})" for e in short if e.run])
         each = "every run" if len(short) == len(found.found) > 1 else each
         said.append(f"Not converged after {asked.iterations} iterations at most: {each}.")
     warned = [entry for entry in found.found if entry.prepared and entry.prepared.findings]

@@ -133,6 +133,12 @@ def test_what_failed_stopped_or_hangs_on_void_is_told() -> None:
     assert "uncertain by 0.4%" in told["Mind"] and "the load hangs on void with FEM" in told["Cut"]
 
 
+def test_commas_of_a_crossing_do_not_separate_runs() -> None:
+    entries = [entry(MPM, 100.0, 100.0, cut=80.0), entry(SPLINE, 100.0, 100.0, cut=95.0)]
+    told = said(comparison(*entries, entry(SPLINE, 100.0, 100.0, CROSSED, cut=95.0)))["Cut"]
+    assert "those of quadratic B-splines; quadratic B-splines, periodic(4, 0.26), 18.8% higher" in told
+
+
 def test_a_filter_radius_below_a_cell_is_told() -> None:
     narrow = replace(BEAM, design=replace(BEAM.design, filter_radius=0.6))
     found = Comparison(ask(narrow, h=1.0), (entry(MPM, 100.0, 101.0),))
