@@ -137,6 +137,7 @@ def card_tables(report: Report, name: str, card: Kept) -> str:
     return f"codes_{name}_{next(iter(found))}"
 
 
+@pytest.mark.slow  # with that of our codes: their table has both
 @pytest.mark.filterwarnings("default")  # what a code of any author warns of is shown, and fails nothing
 def test_other_codes(report: Report, asked: Asked) -> None:
     """Other people's codes
