@@ -13,7 +13,7 @@ import mpmtop
 
 ROOT = Path(__file__).parent.parent
 ORDER = [
-    *("page", "page.numbers", "page.drawing"),
+    *("page", "page.numbers", "page.drawing", "page.templates"),
     *("arrays", "errors", "curves", "region", "outline", "loads", "body", "design", "criteria", "scene"),
     *(
         "grid",
@@ -49,7 +49,12 @@ ORDER = [
     *(f"comparison.{name}" for name in ("files", "verdict", "page", "lock", "scene_file", "compare", "one", "command")),
     *("comparison", "__main__"),
 ]
-EXTRA = {"export": {"meshio"}, "plot": {"matplotlib", "IPython"}, "page.drawing": {"matplotlib", "cycler"}}
+EXTRA = {
+    "export": {"meshio"},
+    "plot": {"matplotlib", "IPython"},
+    "page.drawing": {"matplotlib", "cycler"},
+    "page.templates": {"jinja2"},
+}
 """What a module may import beside numpy and scipy."""
 BOTH = {"reference_fem", "matplotlib", "jinja2", "joblib"}
 """What a comparison may, too: it is on top of both solvers, as a user is, and neither knows of it."""

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jinja2 import Environment, FileSystemLoader, StrictUndefined, select_autoescape
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
@@ -21,8 +20,9 @@ from mpmtop.comparison.judging import black_and_white
 from mpmtop.comparison.pictures import design_picture, histories, patterns, scene_picture
 from mpmtop.comparison.verdict import verdict
 from mpmtop.crossing import moved, named
-from mpmtop.page.drawing import BASE, STYLE, drawn, embedded
+from mpmtop.page.drawing import STYLE, drawn, embedded
 from mpmtop.page.numbers import number, per_cent
+from mpmtop.page.templates import templates
 
 PACKAGES = ("numpy", "scipy", "scikit-fem")
 """Versions that decide the numbers, beside Python's."""
@@ -30,13 +30,7 @@ PACKAGES = ("numpy", "scipy", "scikit-fem")
 
 def page(found: Comparison, designs: Mapping[str, bytes], command: str, folder: str) -> str:
     """HTML of a comparison; `designs` are pictures by run, `folder` holds the files beside the page."""
-    environment = Environment(
-        loader=FileSystemLoader([Path(__file__).parent / "templates", BASE]),
-        autoescape=select_autoescape(["html"]),
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
+    environment = templates(Path(__file__).parent / "templates")
     environment.filters |= {"number": shown, "per_cent": per_cent}
     crossings = [named(text) for text in found.asked.crossing if text != NONE]
     asked = found.asked

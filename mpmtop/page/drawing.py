@@ -36,8 +36,6 @@ STYLE: Any = {
     "svg.fonttype": "path",  # letters as drawn here: no font of the reader's can move or clip them
 }
 
-BASE = Path(__file__).parent
-"""Folder of `base.css`, the style sheet that pages have in common, for a loader of templates."""
 PLAIN = " ;,/?:@=+$-_.!~*"
 """Letters that a data URI in an attribute holds as they are."""
 

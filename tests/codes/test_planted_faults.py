@@ -3,10 +3,12 @@
 from contextlib import suppress
 from dataclasses import replace
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
 
+from mpmtop.arrays import Array
 from mpmtop.points import MaterialPoints
 from mpmtop.shape_functions import gimp, tent
 from tests.codes.broken import FAULTS, SOUND, TENTH
@@ -18,7 +20,7 @@ from validation.codes.checks import every
 from validation.codes.shape import REVERSED
 from validation.methods.elements import ElementMethod
 from validation.methods.points import PointMethod
-from validation.methods.protocol import Analyses
+from validation.methods.protocol import Analyses, Answer, Case
 
 # shape functions without weights give singular models, and those are divided by zero on the way to their errors
 pytestmark = pytest.mark.filterwarnings("ignore::RuntimeWarning")
@@ -84,11 +86,11 @@ class Doubled:
     name, version = "twice the shear", "1"
     capabilities = ElementMethod().capabilities - {"prescribed displacements"}
 
-    def analyse(self, case):  # type: ignore[no-untyped-def]
+    def analyse(self, case: Case) -> Answer:
         answer = ElementMethod().analyse(case)
         return type(answer)(answer.u, answer.stress * [1, 1, 2], answer.compliance)
 
-    def gradient(self, case):  # type: ignore[no-untyped-def]
+    def gradient(self, case: Case) -> Array:
         return ElementMethod().gradient(case)
 
 
@@ -104,14 +106,14 @@ class Recording:
         self.name, self.version, self.capabilities = "recording", "", self.inner.capabilities
         self.asked: dict[str, list[bytes]] = {}
 
-    def analyse(self, case):  # type: ignore[no-untyped-def]
+    def analyse(self, case: Case) -> Answer:
         held = case.held
         points = case.points.x, case.points.volume, case.moduli, case.carried
         numbers = (*points, case.grid.origin, held.node, held.value)
         self.asked.setdefault(case.name, []).append(b"".join(np.ascontiguousarray(n).tobytes() for n in numbers))
         return self.inner.analyse(case)
 
-    def __getattr__(self, name):  # type: ignore[no-untyped-def]
+    def __getattr__(self, name: str) -> Any:
         return getattr(self.inner, name)
 
 

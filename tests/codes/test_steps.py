@@ -12,7 +12,7 @@ from validation.codes import cases, steps
 from validation.codes.adapter import Adapter
 from validation.codes.card import scorecard
 from validation.methods.points import PointMethod
-from validation.methods.protocol import Step
+from validation.methods.protocol import Case, Step
 
 
 @pytest.mark.parametrize("function", [tent, gimp, bspline2])
@@ -44,17 +44,17 @@ class Theirs:
     def __init__(self, spoil: Any) -> None:
         self.spoil = spoil
 
-    def steps(self, case, count):  # type: ignore[no-untyped-def]
+    def steps(self, case: Case, count: int) -> Any:
         return self.spoil(case, self.inner.steps(case, count))
 
 
-def kirchhoff(case, found):  # type: ignore[no-untyped-def]
+def kirchhoff(case: Case, found: list[Step]) -> list[Step]:
     """J is that of the column's closed form, and one where strains are small."""
     above = -found[-1].stress[:, 1] if "column" in case.name else np.zeros(len(case.moduli))
     return [Step(x, stress * steps.stretch_of(np.maximum(above, 0))[:, None]) for x, stress in found]
 
 
-def straight(case, found):  # type: ignore[no-untyped-def]
+def straight(case: Case, found: list[Step]) -> list[Step]:
     """What small strains and rotations give: displacements in proportion to the load."""
     u = PointMethod("ours", gimp).analyse(replace(case, forces=case.carried, body_force=None)).u
     return [Step(case.points.x + u * n / len(found), step.stress) for n, step in enumerate(found, 1)]

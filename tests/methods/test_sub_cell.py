@@ -1,5 +1,7 @@
 """Elements of the background grid with a density for each part: against scikit-fem, and their derivative."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from scipy.spatial import KDTree
@@ -30,7 +32,7 @@ def by_scikit_fem(x: Array, rho: Array) -> float:
     young = (1e-9 + rho**3 * (1 - 1e-9))[KDTree(x).query(places)[1]]
 
     @BilinearForm
-    def stiffness(u, v, w):  # type: ignore[no-untyped-def]
+    def stiffness(u: Any, v: Any, w: Any) -> Any:
         eps = sym_grad(u)
         return w.young * ddot((eps + 0.3 / 0.4 * eye(trace(eps), 2)) / 1.3, sym_grad(v))
 

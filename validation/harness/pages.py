@@ -9,9 +9,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from jinja2 import Environment, FileSystemLoader, StrictUndefined, select_autoescape
+from jinja2 import Environment
 
-from mpmtop.page.drawing import BASE, image
+from mpmtop.page.drawing import image
+from mpmtop.page.templates import templates
 from validation.harness import show
 from validation.harness.blocks import Drawing, Frames, Pixels, Table
 from validation.harness.claims import KINDS, Tally, rows_of, stands
@@ -123,14 +124,7 @@ def pages(
 
 def _environment() -> Environment:
     """The templates, and the filters that they use."""
-    environment = Environment(
-        loader=FileSystemLoader([Path(__file__).parent / "templates", BASE]),
-        autoescape=select_autoescape(["html"]),
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-    )
+    environment = templates(Path(__file__).parent / "templates")
     shown = (
         *(
             show.html,

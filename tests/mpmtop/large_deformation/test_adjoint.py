@@ -1,6 +1,7 @@
 """The gradient of every method, law and objective against a complex step through all load steps."""
 
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
@@ -81,7 +82,7 @@ def test_stress_without_stress_has_zero_gradient() -> None:
         (lambda: EndDisplacement(Rectangle((0, 0), (1, 1)), (0, 0)), "direction"),
     ],
 )
-def test_objectives_refuse_by_name(make, match: str) -> None:  # type: ignore[no-untyped-def]
+def test_objectives_refuse_by_name(make: Any, match: str) -> None:
     with pytest.raises(InvalidScene, match=match):
         make()
 
