@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from functools import cached_property, partial
 
 import numpy as np
-import scipy.sparse as sp
 from scipy.linalg import eigh
 
 from mpmtop.arrays import Array, Index
@@ -80,12 +79,13 @@ class MultigridCG:
         except SingularMatrix:  # coarser than the mechanism, which the direct solver names
             return self._direct.factor(data)
         tolerance = self.tolerance if tolerance is None else tolerance
-        return IteratedSolve(K.matrix, cycle, self._places.unknown, tolerance, partial(self._direct.factor, data))
+        return IteratedSolve(K, cycle, self._places.unknown, tolerance, partial(self._direct.factor, data))
 
     def _check_rigid_motions(self, K: Blocks) -> None:
         """SingularMatrix if the whole body can move: under a load that does not move it, the iteration converges."""
         motions = rigid_motions(self._places, self.lattice.h)
-        energy, scale = motions @ (K.matrix @ motions.T), (motions * K.diagonal) @ motions.T
+        forces = np.stack([K @ motion for motion in motions])
+        energy, scale = motions @ forces.T, (motions * K.diagonal) @ motions.T
         part, combination = eigh(energy, scale)
         if part[0] < SINGULAR:
             loosest = combination[:, 0] @ motions[:, self._places.unknown]
@@ -96,7 +96,7 @@ class MultigridCG:
 class IteratedSolve:
     """K x = b for b (m,) or (m, k) by conjugate gradients, and directly from the first b on that takes too many."""
 
-    K: sp.csr_array
+    K: Blocks
     cycle: Cycle
     unknown: Index
     tolerance: float
@@ -117,7 +117,7 @@ class IteratedSolve:
     def _iterate(self, b: Array) -> Array | None:
         """x, or None after MAX_ITERATIONS or on a direction without energy."""
         K, unknown = self.K, self.unknown
-        residual = np.zeros(K.shape[0])
+        residual = np.zeros(K.stencil.size)
         residual[unknown] = b
         # half, so that what rounding adds to the residual does not call for another solve
         goal = self.tolerance / 2 * np.linalg.norm(b)

@@ -18,7 +18,8 @@ from typing import ClassVar, NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.linalg.blas import dsyrk, dtrsm, dtrsv
+from scipy.linalg import get_blas_funcs
+from scipy.linalg.blas import dsyrk, dtrsm
 from scipy.linalg.lapack import dpotrf, dtrtri
 
 from mpmtop.arrays import Array, Index, distinct
@@ -116,8 +117,9 @@ class SparseCholesky:
         solve, pivot, diagonal = self.unchecked(data)
         return checked_factor(solve, diagonal, pivot / diagonal)
 
-    def unchecked(self, data: Array) -> tuple[Solve, Array, Array]:
-        """Factorisation, its pivots and K's diagonal, (m,) each; SingularMatrix only where no pivot is left."""
+    def unchecked(self, data: Array, dtype: type[np.floating] = np.float64) -> tuple[Solve, Array, Array]:
+        """Factorisation, its pivots and K's diagonal, (m,) each; SingularMatrix only where no pivot is left. L is kept,
+        and solved with, in a `dtype`."""
         order, fronts, _, place, size = self.analysis
         values = np.zeros(size)
         values[place] = data
@@ -133,7 +135,7 @@ class SparseCholesky:
         for L11, _ in blocks:
             if len(L11) <= INVERTED:
                 dtrtri(L11, lower=1, overwrite_c=1)
-        return partial(_solve, self.analysis, values), pivot, diagonal
+        return partial(_solve, self.analysis, values.astype(dtype, copy=False)), pivot, diagonal
 
 
 def _distinct(position: Array) -> tuple[Index, Index]:
@@ -200,7 +202,7 @@ def _add(front: Front, update: Array, up11: Array, up21: Array, up: Array) -> No
 def _solve(analysis: Analysis, values: Array, b: Array) -> Array:
     """K^-1 b for b (m,) or (m, k)."""
     order, levels = analysis.order, analysis.levels
-    x = b.reshape(len(order), -1)[order].astype(float, copy=False)
+    x = b.reshape(len(order), -1)[order].astype(values.dtype, copy=False)
     for groups, reached, spread in levels:
         left = []
         for group in groups:
@@ -229,10 +231,11 @@ def _triangles(L11: Array, b: Array, transposed: bool) -> Array:
     """L11^-1 b (k, ns, columns), or those of the transposes; L11^-1 is what there is of the small ones."""
     if L11.shape[1] <= INVERTED:
         return (L11.transpose(0, 2, 1) if transposed else L11) @ b
+    trsv, trsm = get_blas_funcs(("trsv", "trsm"), dtype=L11.dtype)
     if b.shape[2] == 1:
-        alone = [dtrsv(L, f[:, 0], lower=1, trans=transposed)[:, None] for L, f in zip(L11, b, strict=True)]
+        alone = [trsv(L, f[:, 0], lower=1, trans=transposed)[:, None] for L, f in zip(L11, b, strict=True)]
     else:  # f.T is as BLAS wants it
-        alone = [dtrsm(1.0, L, f.T, side=1, lower=1, trans_a=not transposed).T for L, f in zip(L11, b, strict=True)]
+        alone = [trsm(1.0, L, f.T, side=1, lower=1, trans_a=not transposed).T for L, f in zip(L11, b, strict=True)]
     return np.stack(alone)
 
 
@@ -294,7 +297,8 @@ def _level(groups: Sequence[Alike]) -> Level:
     boundary = np.concatenate([group.boundary.ravel() for group in groups])
     reached, to = np.unique(boundary, return_inverse=True)
     shape = len(reached), len(to)
-    return Level(groups, reached, sp.csr_array((np.ones(len(to)), (to, np.arange(len(to)))), shape=shape))
+    ones = np.ones(len(to), np.float32)  # which sum in the precision of what they multiply
+    return Level(groups, reached, sp.csr_array((ones, (to, np.arange(len(to)))), shape=shape))
 
 
 def _runs(boundary: Index, start: Index, first: Index, parent: Index, key: Index, m: int) -> list[Runs]:

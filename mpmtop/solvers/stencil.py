@@ -15,9 +15,6 @@ import scipy.sparse as sp
 from mpmtop.arrays import Array, Index
 from mpmtop.solvers.pattern import Lattice
 
-INTERPOLATION = ((-1, 0.5), (0, 1.0), (1, 0.5))
-"""Linear interpolation along an axis: offset of the fine line from the coarse one, and weight."""
-
 
 @dataclass(frozen=True)
 class Stencil:
@@ -36,13 +33,11 @@ class Stencil:
         """Of a vector: 2 nodes."""
         return 2 * self.lines[0] * self.lines[1]
 
-    @cached_property
-    def column(self) -> Array:
-        """Columns (2 nodes, entries in a row) of the matrix; beyond the lattice any, for a zero."""
-        component, node = np.divmod(np.arange(self.size, dtype=np.int32)[:, None], self.size // 2)
-        x, y = (np.arange(-r, r + 1, dtype=np.int32) for r in self.reach)
-        other = np.clip(node + (x[:, None] * self.lines[1] + y).ravel(), 0, self.size // 2 - 1)
-        return np.concatenate([other + c * (self.size // 2) for c in (component, 1 - component)], axis=1)
+    @property
+    def offset(self) -> Index:
+        """By how many places in a vector the nodes of the stencil follow its middle one."""
+        x, y = (np.arange(-r, r + 1) for r in self.reach)
+        return (x[:, None] * self.lines[1] + y).ravel()
 
     def coarse(self, axis: int) -> "Stencil":
         """Of every other line, coupled by linear interpolation."""
@@ -69,27 +64,52 @@ class Blocks:
         return self.entries[0, rx, ry].ravel()
 
     @cached_property
-    def matrix(self) -> sp.csr_array:
-        """The operator as a sparse matrix with all entries of the stencil in every row."""
-        size, column = self.stencil.size, self.stencil.column
-        start = np.arange(0, column.size + 1, column.shape[1], dtype=np.int32)
-        return sp.csr_array((self.entries.reshape(-1, size).T.ravel(), column.ravel(), start), shape=(size, size))
+    def _diagonals(self) -> list[sp.dia_array]:
+        """The operator between like components, and from each to the other one, its image at the place of the first.
+
+        SciPy stores diagonals by column. K is symmetric: its entries by row are these, with opposite offsets, so that
+        nothing is copied, and no index is read.
+        """
+        size = self.stencil.size
+        return [
+            sp.dia_array((part.reshape(-1, size), -self.stencil.offset), shape=(size, size)) for part in self.entries
+        ]
+
+    def __matmul__(self, u: Array) -> Array:
+        """K u of a vector (2 nodes,)."""
+        image, crossed = (part @ u for part in self._diagonals)
+        half = len(u) // 2
+        image[:half] += crossed[half:]
+        image[half:] += crossed[:half]
+        return image
 
     def coarse(self, axis: int) -> "Blocks":
         """P^T K P with P linear interpolation along the axis from every other line."""
-        r, stencil = self.stencil.reach[axis], self.stencil.coarse(axis)
+        stencil = self.stencil.coarse(axis)
         reach = stencil.reach[axis]
         result = Blocks(stencil, np.zeros(stencil.shape))
         fine, coarse = (np.moveaxis(K.entries, (1 + axis, 4 + axis), (0, 1)) for K in (self, result))
-        for a, weight in INTERPOLATION:  # fine lines 2 I + a
-            lines = fine[:, abs(a) :: 2]
-            first = 1 if a < 0 else 0
-            into = coarse[:, first : first + lines.shape[1]]
-            for b, other in INTERPOLATION:
-                for x in range(-reach, reach + 1):
-                    if abs(2 * x + b - a) <= r:
-                        into[x + reach] += (weight * other) * lines[2 * x + b - a + r]
+        even, odd = fine[:, ::2], fine[:, 1::2]
+        for x in range(-reach, reach + 2):
+            if x <= reach:
+                coarse[x + reach, : even.shape[1]] += _carried(even, 2 * x)
+            # an odd line is half of the coarse one before it, and half of the one behind
+            half = 0.5 * _carried(odd, 2 * x - 1)
+            if x <= reach:
+                coarse[x + reach, : odd.shape[1]] += half
+            if x > -reach:
+                coarse[x - 1 + reach, 1 : odd.shape[1] + 1] += half
         return result
+
+
+def _carried(lines: Array, x: int) -> Array:
+    """Entries of K P between fine lines, by offset first, and the coarse line whose fine one is x lines away."""
+    r = len(lines) // 2
+    beside = [lines[k + r] for k in (x - 1, x + 1) if abs(k) <= r]
+    carried = 0.5 * (beside[0] + beside[1] if len(beside) == 2 else beside[0] if beside else np.zeros_like(lines[0]))
+    if abs(x) <= r:
+        carried += lines[x + r]
+    return carried
 
 
 class Places(NamedTuple):
