@@ -73,7 +73,9 @@ class MultigridCG:
         diagonal = K.diagonal[self._places.unknown]
         if np.min(diagonal) <= 0:
             raise SingularMatrix(int(np.argmin(diagonal)))
-        self._check_rigid_motions(K)
+        if "_supported" not in self.__dict__:  # by which designs of one body do not differ
+            self._check_rigid_motions(K)
+            self.__dict__["_supported"] = True
         try:
             cycle = v_cycle(K, self._steps, self._coarsest)
         except SingularMatrix:  # coarser than the mechanism, which the direct solver names
