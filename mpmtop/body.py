@@ -102,7 +102,8 @@ class EdgeSupport:
 
     Limit: tents count a point wholly to the cell of its centre, so that a cell at the edge is filled by up to half a
     point more or less than the body fills it. A bar of eight cells is longer by up to 4.4 % with 2 x 2 points per cell,
-    2.5 % with 3 x 3, 1.5 % with 4 x 4 and 0.9 % with 6 x 6, over all shifts of the grid; GIMP is exact at each.
+    2.5 % with 3 x 3, 1.5 % with 4 x 4 and 0.9 % with 6 x 6, over all shifts of the grid; GIMP is exact at each, and so
+    are tents on points that are cut along the outline, `discretise(..., cut=True)`.
     """
 
     region: Region

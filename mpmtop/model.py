@@ -11,6 +11,7 @@ import numpy as np
 from mpmtop.arrays import Array, Mask
 from mpmtop.b_bar import with_mean_dilatation
 from mpmtop.body import Body, Elastic, Support, elastic
+from mpmtop.cut import cut_points
 from mpmtop.diagnose import ModelWarning, findings
 from mpmtop.errors import InvalidScene, UnsupportedBody
 from mpmtop.forces import Forces, external_force
@@ -20,7 +21,7 @@ from mpmtop.loads import Load, check_work
 from mpmtop.material import by_material, tangent
 from mpmtop.points import MaterialPoints, seed
 from mpmtop.region import Region, divisions
-from mpmtop.shape_functions import Ends, ShapeFunction, tent
+from mpmtop.shape_functions import Ends, ShapeFunction, gimp, tent
 from mpmtop.solvers import Lattice, Pattern, Solver, choose_solver
 from mpmtop.stiffness import Stiffness, stiffness
 from mpmtop.ties import Ties, stated_ties, tie
@@ -145,6 +146,7 @@ def discretise(
     grid: Grid | None = None,
     ghost: float = 0.0,
     b_bar: bool = False,
+    cut: bool = False,
     solver: Callable[[Pattern], Solver] = choose_solver,
 ) -> Model:
     """Discretise `body` by cells of size h (hx, hy) with ppc (nx, ny) points per cell and direction, 2 unless given.
@@ -152,7 +154,8 @@ def discretise(
     `points` replaces the seeded points and ppc, `grid` replaces h and the grid laid around the points with a line on
     the domain's lower left corner, `solver` the choice of solver by size, `choose_solver`. `ghost` is gamma of the
     ghost penalty, see `mpmtop.ghost`: zero for none; tent and GIMP only. `b_bar` averages the dilatation over each cell
-    against volumetric locking, see `mpmtop.b_bar`.
+    against volumetric locking, see `mpmtop.b_bar`. `cut` seeds the pieces of the grid's own cells that the domain
+    covers, see `mpmtop.cut`: for a body whose edge runs between the grid's lines; h need not divide its sides.
     Raises EmptyDomain, PointOutsideGrid, LoadOutsideBody, UnsupportedBody, or InvalidScene for `b_bar` in plane stress,
     and for an argument that another one leaves without effect.
     Warns of what misleads about the body: GluedGap, NearMechanism, PointsOnGridLines, see `mpmtop.diagnose`.
@@ -162,6 +165,9 @@ def discretise(
     ties them: take quantities of interest at points, not at nodes.
     """
     seeded_in = body.domain if points is None else None
+    if cut:
+        points, grid = _cut(body.domain, h, ppc, points, grid, shape_function)
+        h = ppc = None
     points, (hx, hy) = points_and_cell(body.domain, h, ppc, points, grid)
     lower, upper = body.domain.bounds
     if grid is None:
@@ -201,23 +207,50 @@ def points_and_cell(
 
     InvalidScene where one of them leaves another without effect.
     """
-    if grid is not None and h is None:
-        h = grid.h
-    elif grid is not None or h is None:
-        raise InvalidScene("cells: give their size h or a `grid`, one of the two")
-    if points is not None and ppc is not None:
-        raise InvalidScene(f"{ppc} points per cell beside `points`: give one of the two")
-    hx, hy = (float(s) for s in np.broadcast_to(h, 2))
+    hx, hy = _cell(h, grid)
     if points is not None:
+        if ppc is not None:
+            raise InvalidScene(f"{ppc} points per cell beside `points`: give one of the two")
         return points, (hx, hy)
-    nx, ny = np.broadcast_to(2 if ppc is None else ppc, 2)
-    if min(nx, ny) < 1 or not np.issubdtype(nx.dtype, np.integer):
-        raise ValueError(f"{ppc} points per cell: give at least one in each direction, a whole number")
+    nx, ny = _per_cell(ppc)
     points = seed(domain, (hx / nx, hy / ny))
     # the lattice took the exact division of the sides; a grid of another pitch would drift through the points
     lower, upper = domain.bounds
     hx, hy = (upper - lower) * (nx, ny) / divisions("spacing", (lower, upper), (hx / nx, hy / ny))
     return points, (hx, hy)
+
+
+def _cell(h: float | tuple[float, float] | None, grid: Grid | None) -> tuple[float, float]:
+    """The size (hx, hy) of a cell, given as such or by a grid."""
+    size = h if grid is None else grid.h
+    if size is None or not (grid is None or h is None):
+        raise InvalidScene("cells: give their size h or a `grid`, one of the two")
+    hx, hy = (float(s) for s in np.broadcast_to(size, 2))
+    return hx, hy
+
+
+def _per_cell(ppc: int | tuple[int, int] | None) -> tuple[int, int]:
+    nx, ny = np.broadcast_to(2 if ppc is None else ppc, 2)
+    if min(nx, ny) < 1 or not np.issubdtype(nx.dtype, np.integer):
+        raise ValueError(f"{ppc} points per cell: give at least one in each direction, a whole number")
+    return int(nx), int(ny)
+
+
+def _cut(
+    domain: Region,
+    h: float | tuple[float, float] | None,
+    ppc: int | tuple[int, int] | None,
+    points: MaterialPoints | None,
+    grid: Grid | None,
+    shape_function: ShapeFunction,
+) -> tuple[MaterialPoints, Grid]:
+    """Points cut along the outline, and the grid whose cells they are pieces of; arguments as for `discretise`."""
+    if points is not None:
+        raise InvalidScene("`cut` seeds points of its own beside `points`: give one of the two")
+    if shape_function is gimp:
+        raise InvalidScene("`cut` is for functions without domains, and GIMP within a cell is the tent: take `tent`")
+    grid = Grid.around(*domain.bounds, _cell(h, grid)) if grid is None else grid
+    return cut_points(domain, grid, _per_cell(ppc)), grid
 
 
 def check_loads(model: Model) -> None:

@@ -114,16 +114,21 @@ class Judge:
         return Judgement(work, len(self.model.free), len(self.owner), found)
 
 
-def reanalyse(scene: Scene, x: Array, half_length: Array, rho: Array, split: int = 2, order: int = 2) -> Judgement:
+def reanalyse(
+    scene: Scene, x: Array, half_length: Array, rho: Array, split: int = 2, order: int = 2, *, trim: bool = False
+) -> Judgement:
     """Judge one design; see `build_judge`, which serves many designs on the same points."""
-    return build_judge(scene, x, half_length, split, order)(rho)
+    return build_judge(scene, x, half_length, split, order, trim=trim)(rho)
 
 
-def build_judge(scene: Scene, x: Array, half_length: Array, split: int = 2, order: int = 2) -> Judge:
+def build_judge(
+    scene: Scene, x: Array, half_length: Array, split: int = 2, order: int = 2, *, trim: bool = False
+) -> Judge:
     """Judge for points x (p, 2) owning rectangles of half-length (p, 2), which may differ in size and overlap.
 
     The lattice's pitch is the smallest full length over `split`. A cell belongs to the point whose rectangle holds its
-    centre, in an overlap to the nearest in Chebyshev distance scaled by the half-lengths; a cell in none is absent.
+    centre, in an overlap to the nearest in Chebyshev distance scaled by the half-lengths; a cell in none is absent, and
+    with `trim` one whose centre the domain does not hold, as beside points that are cut along the outline.
 
     Loads: a force that a point carries is spread uniformly over that point's cells, so that it is the
     same load on every mesh. Point forces would not do: the energy of a point force in the plane is infinite, the
@@ -135,14 +140,20 @@ def build_judge(scene: Scene, x: Array, half_length: Array, split: int = 2, orde
     if split < 1:
         raise InvalidScene(f"split {split}: give 1 or more elements along each point's side")
     full = lattice(scene.body.domain.bounds, 2 * half_length.min(axis=0) / split)
-    owner = owners(element_centres(full), x, half_length)
+    centres = element_centres(full)
+    owner = owners(centres, x, half_length)
+    if trim:
+        owner[~scene.body.domain.contains(centres)] = -1
     owned = np.flatnonzero(owner >= 0)
     if len(owned) == 0:
         raise EmptyDomain(
             f"no point's rectangle lies in the domain of {scene.name!r}: check positions and half-lengths"
         )
     basis = vector_basis(full.restrict(owned), order)
-    forces_of = partial(_load, basis=basis, x=x, half_length=half_length, owner=owner[owned])
+    whole = np.prod(2 * half_length, axis=1)
+    cells: Array = np.bincount(owner[owned], minlength=len(x)).astype(float)
+    volume = cells * float(np.prod(element_sides(full)[0])) if trim else whole
+    forces_of = partial(_load, basis=basis, x=x, volume=volume, owner=owner[owned])
     load = forces_of(scene.body)
     model = replace(fem_model(scene.body, basis, load.fixed, weight=load.weight), forces_of=forces_of)
     models = case_models(model, scene.cases)
@@ -212,10 +223,11 @@ def owners(cells: Array, x: Array, half_length: Array) -> Index:
     return owner
 
 
-def _load(body: Body, *, basis: CellBasis, x: Array, half_length: Array, owner: Index) -> Forces:
-    """Load vectors of loads on points x (p, 2), spread over the elements that `owner` (e,) gives them."""
+def _load(body: Body, *, basis: CellBasis, x: Array, volume: Array, owner: Index) -> Forces:
+    """Load vectors of loads on points x (p, 2) of volumes (p,), spread over the elements that `owner` (e,) gives
+    them."""
     sides = element_sides(basis.mesh)
-    acts = action(body.loads, x, np.prod(2 * half_length, axis=1), GEOMETRY_TOLERANCE * float(sides.min()))
+    acts = action(body.loads, x, volume, GEOMETRY_TOLERANCE * float(sides.min()))
     force = np.zeros_like(x)
     np.add.at(force, acts.points, acts.carried)
     loaded = np.any(force != 0, axis=1)

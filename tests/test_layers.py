@@ -18,6 +18,7 @@ ORDER = [
     *(
         "grid",
         "points",
+        "cut",
         "crossing",
         "quadtree",
         "shape_functions",

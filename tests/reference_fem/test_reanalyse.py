@@ -4,9 +4,13 @@ import numpy as np
 import pytest
 
 from mpmtop.arrays import Array
+from mpmtop.body import Body, Support
+from mpmtop.design import Design
 from mpmtop.errors import EmptyDomain, InvalidScene
 from mpmtop.loads import PointLoad, PositionLoad, RegionLoad
-from mpmtop.region import Rectangle
+from mpmtop.model import discretise as discretise_points
+from mpmtop.region import Circle, Rectangle
+from mpmtop.scene import Scene
 from reference_fem.elasticity import discretise, solve
 from reference_fem.reanalyse import build_judge, owners, reanalyse
 from reference_fem.simp import simp
@@ -105,3 +109,21 @@ def test_judge_errors() -> None:
         build_judge(scene, x, half, split=0)
     with pytest.raises(EmptyDomain, match="rectangle"):
         build_judge(scene, x + 100, half)
+
+
+def test_judge_of_cut_points_is_as_large_as_the_body() -> None:
+    """Whole rectangles about the centroids of pieces reach over a disc; trimmed they do not, and shares of a load by
+    volume are those of what is left."""
+    disc = Circle((0.0, 0.0), 4.0)
+    body = Body(disc, (Support(Rectangle((-4, -4), (-3, 4))),), (RegionLoad(Rectangle((2, -4), (4, 4)), (0, -1)),))
+    scene = Scene("disc", body, Design(0.5, 1.0))
+    points = discretise_points(body, 1.0, cut=True).points
+    whole, trimmed = (build_judge(scene, points.x, points.half_length, trim=trim).models[0] for trim in (False, True))
+    assert trimmed.area.sum() == pytest.approx(16 * np.pi, rel=0.01)  # stairs of a quarter of h
+    assert whole.area.sum() > 1.03 * 16 * np.pi
+    assert trimmed.f_ext.sum() == pytest.approx(-1, abs=1e-12)
+    direct = discretise(body, 0.25, 2)
+    rho = np.ones(len(points.x))
+    judged = reanalyse(scene, points.x, points.half_length, rho, trim=True)
+    by_elements = float(direct.f_ext @ solve(direct, simp(np.ones(len(direct.area)), body.material, scene.design)[0]))
+    assert judged.compliance == pytest.approx(by_elements, rel=0.02)  # the load's region ends at other cells

@@ -13,7 +13,7 @@ from reference_fem import elasticity
 from validation.harness.lock import Lock
 from validation.harness.report import Report
 from validation.measures.orders import observed_order
-from validation.studies.loads_and_supports.test_loads_and_supports import quiet
+from validation.studies.loads_and_supports.bodies import quiet
 
 INF = np.inf
 SIZES = (0.5, 0.25)
