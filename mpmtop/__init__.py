@@ -15,7 +15,8 @@ What is stated, of either solver:
 
 How a body is discretised:
     shape_functions tent, gimp, bspline2, bspline3
-    points          MaterialPoints, seed; quadtree refines, crossing moves them, grid lies behind them
+    points          MaterialPoints, seed; cut, along the outline; quadtree refines, crossing moves them, grid lies
+                    behind them
     model           discretise(body, h, ppc, shape_function) -> Model
     equilibrium     equilibrium(model, moduli): u, strains and adjoints, checked; mechanism names what moves freely
     transfer, voigt, material, b_bar, ghost, ties, stiffness, solvers, forces    what these are made of

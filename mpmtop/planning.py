@@ -100,7 +100,8 @@ def _asked_plan(problem: DesignProblem) -> list[str]:
         lines.append(f"constraints: {volume}{problem.others} of values, each with a gradient of its own")
     if design.projection is not None:
         eta = "that keeps the volume" if design.projection.preserve_volume else f"{design.projection.threshold:g}"
-        lines.append(f"projection: beta {design.projection.beta:g}, threshold {eta}")
+        move = f", moves of {problem.largest_move:g} at most" if problem.largest_move < 1 else ""
+        lines.append(f"projection: beta {design.projection.beta:g}, threshold {eta}{move}")
     if design.symmetry:
         lines.append(f"symmetry: {len(problem.positions)} variables for {len(problem.space.active)} active points")
     return lines

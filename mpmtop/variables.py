@@ -83,6 +83,11 @@ class DesignVariables(ABC):
         """Radius of the density filter [length]."""
         return self.design.filter_radius
 
+    @property
+    def largest_move(self) -> float:
+        """How far a rule may move a variable, of its range; see `Projection`."""
+        return 1.0 if self.design.projection is None else self.design.projection.largest_move
+
     def densities(self, filtered: Array) -> Array:
         """Physical densities (p,) of filtered ones."""
         return filtered if self.design.projection is None else self._projected(filtered).rho

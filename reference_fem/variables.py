@@ -38,6 +38,11 @@ class DesignVariables:
         """Radius of the filter [length]."""
         return self.design.filter_radius
 
+    @property
+    def largest_move(self) -> float:
+        """How far a rule may move a variable, of its range; see `Projection`."""
+        return 1.0 if self.design.projection is None else self.design.projection.largest_move
+
     def densities(self, filtered: Array) -> Array:
         """Densities (e,) of filtered ones."""
         projection = self.design.projection

@@ -26,7 +26,7 @@ import numpy as np
 
 from mpmtop.arrays import Array
 from mpmtop.optimizers.protocols import E, Problem, State, objectives
-from mpmtop.optimizers.state import check_move, scaled_functions, scaled_values, variable_range
+from mpmtop.optimizers.state import allowed_move, check_move, scaled_functions, scaled_values, variable_range
 from mpmtop.optimizers.subproblem import AT_ONCE, Subproblem, solve_subproblem
 
 MMA_CURVATURE = 1e-5  # rho of plain MMA
@@ -59,7 +59,7 @@ def approximate(
     """
     n = len(state.x)
     sub = Subproblem(f, np.empty((len(f), n)), np.empty((len(f), n)), np.empty(n), np.empty(n), np.empty(n), objectives)
-    span = variable_range(problem)
+    span, move = variable_range(problem), allowed_move(problem, move)
     for first in range(0, n, AT_ONCE):
         part = slice(first, first + AT_ONCE)
         x, of_part = state.x[part], span[part]

@@ -8,7 +8,7 @@ from scipy.optimize import brentq
 
 from mpmtop.arrays import Array
 from mpmtop.optimizers.protocols import E, Problem, State
-from mpmtop.optimizers.state import check_move, scaled_functions, scaled_values
+from mpmtop.optimizers.state import allowed_move, check_move, scaled_functions, scaled_values
 from mpmtop.optimizers.subproblem import SMALLEST
 
 
@@ -42,7 +42,7 @@ class OptimalityCriteria:
                 "optimality criteria need one objective and one constraint that grows with every variable: use MMA or "
                 "GCMMA"
             )
-        x, limit = state.x, self.move * (problem.upper - problem.lower)
+        x, limit = state.x, allowed_move(problem, self.move) * (problem.upper - problem.lower)
         x_min, x_max = np.maximum(problem.lower, x - limit), np.minimum(problem.upper, x + limit)
         benefit = np.sqrt(np.maximum(-df[0], 0) / np.where(movable, df[1], 1))
         largest = max(np.max(benefit), SMALLEST)

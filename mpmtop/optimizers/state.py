@@ -93,6 +93,11 @@ def variable_range(problem: Problem[E]) -> Array:
     return np.where(span > 0, span, 1.0)
 
 
+def allowed_move(problem: Problem[E], move: float) -> float:
+    """The move limit of a rule, or the problem's where that is smaller."""
+    return min(move, getattr(problem, "largest_move", 1.0))
+
+
 def check_move(move: float) -> None:
     """ValueError unless the move limit is a fraction of the range, above 0."""
     if not 0 < move <= 1:
