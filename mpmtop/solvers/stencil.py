@@ -87,7 +87,7 @@ class Blocks:
         """P^T K P with P linear interpolation along the axis from every other line."""
         stencil = self.stencil.coarse(axis)
         reach = stencil.reach[axis]
-        result = Blocks(stencil, np.zeros(stencil.shape))
+        result = Blocks(stencil, np.zeros(stencil.shape, self.entries.dtype))
         fine, coarse = (np.moveaxis(K.entries, (1 + axis, 4 + axis), (0, 1)) for K in (self, result))
         even, odd = fine[:, ::2], fine[:, 1::2]
         for x in range(-reach, reach + 2):
