@@ -1,17 +1,19 @@
 """Fixtures of the studies (`report`, `lock`, `progress`) and the writing of the report at the end of a run."""
 
 import os
-import sys
 import warnings
+from pathlib import Path
 
 # Read once, when NumPy loads its BLAS: two threads gain little on a quiet machine and lose much on a busy one.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("MKL_NUM_THREADS", "1")
 # Some hundred iterations of an optimiser turn a last bit of a sum into a per mille of the objective. With kernels that
-# every x86-64 processor has the report is the same on all of them. What a benchmark times are the processor's own.
-if "--benchmark" not in sys.argv and "PYTEST_XDIST_WORKER" not in os.environ:  # a worker has those of the run
-    os.environ["OPENBLAS_CORETYPE"] = "Nehalem"
+# # x86-64 processors have had for ten years the report is the same on all of them, and as fast as with their own.
+if "PYTEST_XDIST_WORKER" not in os.environ:  # a worker has those of the run
+    _processor = Path("/proc/cpuinfo")
+    _older = _processor.exists() and "avx2" not in _processor.read_text("utf-8")
+    os.environ["OPENBLAS_CORETYPE"] = "Nehalem" if _older else "Haswell"
     os.environ["NPY_DISABLE_CPU_FEATURES"] = "X86_V4 AVX512_ICL AVX512_SPR"
 with warnings.catch_warnings(action="ignore", category=ImportWarning):  # NumPy before 2.4 has other names for them
     import numpy as np  # noqa: F401
@@ -22,7 +24,6 @@ import time
 from collections import Counter
 from collections.abc import Generator, Iterable, Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
@@ -83,7 +84,7 @@ RUN = pytest.StashKey[Run]()
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--reports", metavar="DIR", help="folder the validation report is written to (default: reports)")
-    parser.addoption("--benchmark", action="store_true", help="run the tests marked `benchmark`, too: minutes each")
+    parser.addoption("--benchmark", action="store_true", help="run the tests marked `benchmark`, too")
     parser.addoption("--quick", action="store_true", help="skip the tests marked `slow`")
     parser.addoption(
         "--group", metavar="NAME", help="run the studies of one group of the contents only: The paper, ..."
@@ -109,7 +110,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     """Skip what was not asked for; what the report recorded of it stays. The longest studies go first."""
     _keep_group(config, items)
     left_out = {
-        "benchmark": (not config.getoption("--benchmark", False), "finest levels: run by --benchmark"),
+        "benchmark": (not config.getoption("--benchmark", False), "run by --benchmark"),
         "slow": (config.getoption("--quick", False), "slow: left out by --quick"),
     }
     for name, (skipped, reason) in left_out.items():

@@ -24,7 +24,7 @@ def final_compliance(load: TipLoad, radius: float) -> dict[str, float]:
     return {"compliance": done.final, "iterations": done.iterations, "grayness": done.design.grayness}
 
 
-@pytest.mark.slow
+@pytest.mark.benchmark
 def test_radius_and_load(report: Report, lock: Lock, progress: ShowProgress) -> None:
     """What 83.57 depends on: filter radius and load position
 

@@ -9,7 +9,7 @@ from validation.studies.crossing.designs import CROSSES, PLACES, slide
 pytestmark = pytest.mark.filterwarnings("ignore::mpmtop.diagnose.ModelWarning")
 
 
-@pytest.mark.slow
+@pytest.mark.benchmark
 def test_slide(report: Report) -> None:
     """Designs as points are pushed over a boundary
 

@@ -82,7 +82,7 @@ def random_circles(count: int) -> list[Circle]:
     return circles
 
 
-@pytest.mark.slow
+@pytest.mark.benchmark
 def test_random_holes(report: Report, lock: Lock, progress: ShowProgress) -> None:
     """A hole anywhere
 

@@ -44,7 +44,7 @@ def sweep_case(ppc: int, radius: float) -> Optimisation:
     return Optimisation.of(material_points(tent, "standard", points=points)(scene), iterations=SWEEP_ITERATIONS)
 
 
-@pytest.mark.slow
+@pytest.mark.benchmark
 def test_sub_cell_designs(report: Report, lock: Lock, progress: ShowProgress) -> None:
     """Points per cell against filter radius: apparent and true compliance
 

@@ -61,7 +61,7 @@ def displacements(model: Model) -> tuple[Array, Array]:
     return model.transfer.interpolate(u), u.reshape(-1, 2)
 
 
-@pytest.mark.slow
+@pytest.mark.benchmark
 def test_positions(report: Report) -> None:
     """Positions
 
@@ -205,7 +205,7 @@ def test_contrast(report: Report) -> None:
     assert none_else and right
 
 
-@pytest.mark.slow
+@pytest.mark.benchmark
 def test_points(report: Report) -> None:
     """Points
 
@@ -218,7 +218,7 @@ def test_points(report: Report) -> None:
     assert tabulate(report, "points", outcomes("Points"), "Points: cases and outcomes.")
 
 
-@pytest.mark.slow
+@pytest.mark.benchmark
 def test_scales(report: Report) -> None:
     """Scales
 
@@ -241,7 +241,7 @@ def test_parameters(report: Report) -> None:
     assert tabulate(report, "parameter_cases", outcomes("Parameters"), "Parameters: cases and outcomes.")
 
 
-@pytest.mark.slow
+@pytest.mark.benchmark
 def test_optimiser(report: Report) -> None:
     """Optimiser
 
@@ -309,7 +309,7 @@ def test_two_solvers_in_full(report: Report) -> None:
     assert none_else and enough
 
 
-@pytest.mark.slow
+@pytest.mark.benchmark
 def test_all_cases(report: Report, lock: Lock) -> None:
     """All cases
 

@@ -150,7 +150,7 @@ def test_l_bracket(report: Report, lock: Lock, progress: ShowProgress) -> None:
     assert holds
 
 
-@pytest.mark.slow
+@pytest.mark.benchmark
 def test_field(report: Report, lock: Lock, progress: ShowProgress) -> None:
     """Compliance of a fixed optimised field
 
@@ -180,7 +180,7 @@ ROUTES: dict[str, tuple[float, tuple[int, ...]]] = {
 SIZES = (1.0, 0.5)
 
 
-@pytest.mark.slow
+@pytest.mark.benchmark
 def test_designs(report: Report, lock: Lock) -> None:
     """The design for the time: true objective of optimised cantilevers
 
