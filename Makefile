@@ -21,7 +21,8 @@ paper: .venv/installed
 	$(BIN)/python -m pytest validation -n $(JOBS) --group "The paper" $(if $(filter-out 0,$(QUICK)),--quick)
 	$(BIN)/python -m validation readme
 
-# minutes each, beside pyMOTO and Kratos; one process, so that CPU times are not those of a crowded machine
+# finest levels, sweeps, hostile inputs in full, times beside pyMOTO and Kratos; one process, so that CPU times are not
+# those of a crowded machine. One study of it: pytest validation/studies/stability --benchmark -m benchmark -n auto
 benchmark: .venv/peers
 	$(BIN)/python -m pytest validation -m benchmark --benchmark
 

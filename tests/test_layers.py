@@ -135,7 +135,7 @@ ROOMS: dict[str, set[str]] = {
     "measures": set(),
     "oracles": set(),
     "bodies": {"measures", "harness"},
-    "methods": {"measures", "bodies"},
+    "methods": {"measures", "bodies", "harness"},
     "codes": {"methods", "bodies", "measures"},
     "studies": {"harness", "paper", "measures", "oracles", "bodies", "methods", "codes"},
     "conftest": {"harness"},

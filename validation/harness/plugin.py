@@ -20,6 +20,8 @@ with warnings.catch_warnings(action="ignore", category=ImportWarning):  # NumPy 
 
 import pickle
 import re
+import shutil
+import tempfile
 import time
 from collections import Counter
 from collections.abc import Generator, Iterable, Mapping
@@ -39,6 +41,7 @@ from validation.harness.heading import Heading, heading_of
 from validation.harness.origin import provenance_of
 from validation.harness.pages import Measured, publish
 from validation.harness.report import Report
+from validation.harness.shared import FOLDER
 from validation.harness.store import Ran, Study, headed, marked, merge, read
 from validation.harness.timed import merge_timed, read_timed
 
@@ -102,8 +105,15 @@ def pytest_configure(config: pytest.Config) -> None:
     mpl.use("Agg")
     mpl.style.use(STYLE)
     config.stash[RUN] = Run()
+    if FOLDER not in os.environ:  # a worker has that of the run
+        os.environ[FOLDER] = tempfile.mkdtemp(prefix="mpmtop-")
+        config.add_cleanup(_forget_shared)
     for fixtures in (asked, lock, progress):
         config.pluginmanager.register(fixtures, fixtures.__name__)
+
+
+def _forget_shared() -> None:
+    shutil.rmtree(os.environ.pop(FOLDER), ignore_errors=True)
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:

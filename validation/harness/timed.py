@@ -2,8 +2,8 @@
 which run a section is of; kept apart from all that does not.
 
 Each test's part is in one of two places. What a plain run measures is in `timed/`, a folder that git passes over, and
-on the timings page; what `--benchmark` measures takes so long that it is kept with the code, with the machine, the
-date and the commit it was measured on: in `benchmark/` and on the benchmark page.
+on the timings page; what `--benchmark` runs takes so long that it is kept with the code, with the machine, the date and
+the commit it was run on: in `benchmark/`, and on the benchmark page what it measured.
 """
 
 import json

@@ -5,9 +5,7 @@ import pytest
 from reference_fem.reanalyse import Judge, build_judge
 from validation.bodies.scenes import cantilever
 from validation.methods.analyser import METHODS, Analyser, Optimisation
-
-SHOWN = (5, 10, 20, 40)
-"""Iterations whose layout is drawn, besides the last."""
+from validation.methods.optima import optimised_cantilever
 
 
 @pytest.fixture(scope="package")
@@ -17,8 +15,8 @@ def analysers() -> dict[str, Analyser]:
 
 
 @pytest.fixture(scope="package")
-def optimisations(analysers: dict[str, Analyser]) -> dict[str, Optimisation]:
-    return {name: Optimisation.of(analyser, keep=SHOWN) for name, analyser in analysers.items()}
+def optimisations() -> dict[str, Optimisation]:
+    return {name: optimised_cantilever(name) for name in METHODS}
 
 
 @pytest.fixture(scope="package")

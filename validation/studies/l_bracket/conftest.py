@@ -7,7 +7,8 @@ from reference_fem.reanalyse import Judge, build_judge
 from validation.bodies.scenes import l_bracket
 from validation.harness.progress import ShowProgress
 from validation.methods.analyser import JOBS, METHODS, Analyser, Optimisation
-from validation.studies.l_bracket.rules import RULES, SOLVES, WARM, optimise
+from validation.methods.optima import optimised_bracket
+from validation.studies.l_bracket.rules import RULES, SOLVES
 
 
 @pytest.fixture(scope="package")
@@ -23,7 +24,7 @@ def runs(progress: ShowProgress) -> dict[str, Optimisation]:
     GIMP's problem is standard MPM's, number by number, as `test_optimisation` checks: so is its run.
     """
     # FEM first: it takes longer than the other
-    done = Parallel(n_jobs=JOBS, return_as="generator")(delayed(optimise)(n, WARM, None) for n in ("FEM", "standard"))
+    done = Parallel(n_jobs=JOBS, return_as="generator")(delayed(optimised_bracket)(n) for n in ("FEM", "standard"))
     results = dict(zip(("FEM", "standard"), progress(done, "L-bracket runs"), strict=True))
     return results | {"GIMP": results["standard"]}
 
@@ -31,7 +32,7 @@ def runs(progress: ShowProgress) -> dict[str, Optimisation]:
 @pytest.fixture(scope="package")
 def single_step() -> Optimisation:
     """Standard MPM by the rule without an inner loop."""
-    return optimise("standard", RULES["single-step GCMMA"], SOLVES)
+    return optimised_bracket("standard", RULES["single-step GCMMA"], SOLVES)
 
 
 @pytest.fixture(scope="package")

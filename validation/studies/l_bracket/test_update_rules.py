@@ -15,7 +15,8 @@ from validation.harness.lock import Lock
 from validation.harness.report import Report
 from validation.measures.timing import cpu_seconds, evaluation_with_gradient
 from validation.methods.analyser import METHODS, ROUNDING_RISE, Optimisation
-from validation.studies.l_bracket.rules import RTOL_OPTIMUM, RULES, SOLVES, optimise
+from validation.methods.optima import optimised_bracket
+from validation.studies.l_bracket.rules import RTOL_OPTIMUM, RULES, SOLVES
 
 
 def best_feasible(run: Optimisation) -> Array:
@@ -33,7 +34,7 @@ def test_update_rules(
     not per iteration: every rule is given 500 solves. "GCMMA, warm" starts each inner loop at half the last curvature.
     The last design of each, unfinished or not, is judged by 2 x 2 biquadratic elements for each point.
     """
-    others = {name: optimise("standard", RULES[name], SOLVES) for name in ("GCMMA", "MMA")}
+    others = {name: optimised_bracket("standard", RULES[name], SOLVES) for name in ("GCMMA", "MMA")}
     shown = {"GCMMA, warm": runs["standard"], "single-step GCMMA": single_step} | others
     figure, ax = plt.subplots()
     rows: dict[str, dict[str, Any]] = {}

@@ -117,7 +117,7 @@ def recorded(report: Report, runs: Runs, fit_from: int) -> dict[str, dict[str, f
     return fitted
 
 
-@pytest.mark.slow
+@pytest.mark.benchmark
 def test_phases(report: Report, progress: ShowProgress) -> None:
     """Phases of an iteration
 

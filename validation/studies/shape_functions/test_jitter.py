@@ -22,7 +22,7 @@ AMPLITUDES = (0.2, 0.3, 0.4)
 SEEDS = 20
 
 
-@pytest.mark.slow
+@pytest.mark.benchmark
 def test_jitter(report: Report, lock: Lock, progress: ShowProgress, body_points: MaterialPoints) -> None:
     """What random moves do: scatter of displacement, stress and gradient
 

@@ -153,7 +153,7 @@ class Unchecked:
         return self.solver.factor(data)
 
 
-@pytest.mark.slow
+@pytest.mark.benchmark
 def test_contrast(report: Report) -> None:
     """Contrast and density fields
 

@@ -8,7 +8,8 @@ from reference_fem.reanalyse import Judge, build_judge
 from validation import paper
 from validation.bodies.scenes import cantilever
 from validation.harness.progress import ShowProgress
-from validation.methods.analyser import METHODS, SHAPE_FUNCTIONS, Analyser, Optimisation, material_points
+from validation.methods.analyser import METHODS, SHAPE_FUNCTIONS, Analyser, Optimisation
+from validation.methods.optima import optimised_cantilever
 from validation.studies.crossing.cantilever.calibration import NAMES, REPRODUCTION, Calibration, tip
 
 
@@ -31,9 +32,9 @@ def uncrossed() -> Analyser:
 
 
 @pytest.fixture(scope="package")
-def still(uncrossed: Analyser) -> Optimisation:
+def still() -> Optimisation:
     """The optimum without crossing; standard and GIMP are one."""
-    return Optimisation.of(uncrossed)
+    return optimised_cantilever("standard")
 
 
 @pytest.fixture(scope="package")
@@ -41,9 +42,7 @@ def runs(calibrations: dict[str, Calibration], progress: ShowProgress) -> dict[t
     """Optimisations by family and method; the reproduction also with the B-splines."""
     cases = [(f, name) for f in FAMILIES for name in (SHAPE_FUNCTIONS if f == REPRODUCTION else NAMES)]
     return {
-        (family, name): Optimisation.of(
-            material_points(SHAPE_FUNCTIONS[name], name, calibrations[family].crossing)(cantilever())
-        )
+        (family, name): optimised_cantilever(name, calibrations[family].crossing)
         for family, name in progress(cases, "crossed optimisations")
     }
 

@@ -4,27 +4,21 @@ import numpy as np
 
 from mpmtop.arrays import Array
 from mpmtop.crossing import Crossing, Periodic
-from mpmtop.optimizers import GCMMA
 from mpmtop.points import seed
 from validation.bodies.scenes import SPACING, l_bracket
 from validation.methods.analyser import (
-    MOVE,
     SHAPE_FUNCTIONS,
     Analyser,
     Optimisation,
     material_points,
     stress_objective,
 )
+from validation.methods.optima import WARM
 
 CROSSING = Periodic(4)
 """The cantilever study's calibration."""
-RULE = GCMMA(move=MOVE, warm_start=True)
-"""The rule of the bracket without crossing."""
-RUNS: dict[str, tuple[str, Crossing | None]] = {
-    "standard, no crossing": ("standard", None),
-    "standard": ("standard", CROSSING),
-    "GIMP": ("GIMP", CROSSING),
-}
+CROSSED = ("standard", "GIMP")
+"""Methods that optimise with crossing, beside standard without."""
 RTOL_OPTIMUM = 0.03
 """As without crossing: rounding is amplified over 250 iterations of an objective with many near-optima."""
 RTOL_ANALYSIS = 1e-8
@@ -35,9 +29,9 @@ def build(name: str, crossing: Crossing | None) -> Analyser:
     return material_points(SHAPE_FUNCTIONS[name], name, crossing)(l_bracket())
 
 
-def optimise(name: str, crossing: Crossing | None) -> Optimisation:
-    """One run; a function of the module, for joblib."""
-    return Optimisation.of(build(name, crossing), RULE, iterations=500)
+def optimise(name: str) -> Optimisation:
+    """One run with crossing, by the rule of the bracket without; a function of the module, for joblib."""
+    return Optimisation.of(build(name, CROSSING), WARM, iterations=500)
 
 
 def solid_von_mises(analyser: Analyser) -> Array:

@@ -7,7 +7,8 @@ from reference_fem.reanalyse import Judge, build_judge
 from validation.bodies.scenes import l_bracket
 from validation.harness.progress import ShowProgress
 from validation.methods.analyser import JOBS, METHODS, SHAPE_FUNCTIONS, Analyser, Optimisation
-from validation.studies.crossing.l_bracket.bracket import CROSSING, RUNS, build, optimise
+from validation.methods.optima import optimised_bracket
+from validation.studies.crossing.l_bracket.bracket import CROSSED, CROSSING, build, optimise
 
 
 @pytest.fixture(scope="package")
@@ -19,8 +20,9 @@ def analysers() -> dict[str, Analyser]:
 
 @pytest.fixture(scope="package")
 def runs(progress: ShowProgress) -> dict[str, Optimisation]:
-    done = Parallel(n_jobs=JOBS, return_as="generator")(delayed(optimise)(*case) for case in RUNS.values())
-    return dict(zip(RUNS, progress(done, "crossed brackets"), strict=True))
+    done = Parallel(n_jobs=JOBS, return_as="generator")(delayed(optimise)(name) for name in CROSSED)
+    crossed = dict(zip(CROSSED, progress(done, "crossed brackets"), strict=True))
+    return {"standard, no crossing": optimised_bracket("standard")} | crossed
 
 
 @pytest.fixture(scope="package")

@@ -23,7 +23,7 @@ def test_bspline(report: Report, lock: Lock, analysers: dict[str, Analyser], jud
     and that on the fine reference, one biquadratic element for each point. Another start ends elsewhere: see the
     scatter of optima on the page of open choices.
     """
-    run = optimise(NAME, CROSSING)
+    run = optimise(NAME)
     rho = run.design.at(analysers["FEM"].x)
     fine = judge_stress(judge, rho, judge(rho))
     row = {

@@ -20,13 +20,12 @@ from validation.measures.history import histories
 from validation.methods.analyser import (
     METHODS,
     ROUNDING_RISE,
-    SHAPE_FUNCTIONS,
     Analyser,
     DensityField,
     Optimisation,
-    material_points,
 )
 from validation.methods.judging import UNCERTAIN, own_error
+from validation.methods.optima import optimised_cantilever
 from validation.studies.crossing.l_bracket.bracket import CROSSING, RTOL_OPTIMUM, relaxed
 
 # points are moved off the clamp and over grid lines on purpose
@@ -207,11 +206,10 @@ def cut_norm(judge: Judge, rho: Array) -> float:
 
 def compliance_rises() -> dict[str, float]:
     """Rise of the optimised compliance of the cantilever by the same crossing, standard MPM, by analysis."""
-    still = METHODS["standard"](cantilever())
-    judge = build_judge(cantilever(), still.x, still.half_length, split=1)
-    crossed = material_points(SHAPE_FUNCTIONS["standard"], "standard", CROSSING)(cantilever())
-    before, after = Optimisation.of(still), Optimisation.of(crossed)
-    true = [judge(run.design.at(still.x)).compliance for run in (before, after)]
+    points = METHODS["standard"](cantilever())
+    judge = build_judge(cantilever(), points.x, points.half_length, split=1)
+    before, after = optimised_cantilever("standard"), optimised_cantilever("standard", CROSSING)
+    true = [judge(run.design.at(points.x)).compliance for run in (before, after)]
     return {"its own analysis": after.final / before.final - 1, "the fine reference": true[1] / true[0] - 1}
 
 
