@@ -2,6 +2,7 @@
 
 import numpy as np
 import pandas as pd
+import pytest
 
 from mpmtop.optimizers import GCMMA, MMA, SingleStepGCMMA, UpdateRule
 from validation.bodies.scenes import cantilever
@@ -20,6 +21,7 @@ RULES: dict[str, UpdateRule] = {
 }
 
 
+@pytest.mark.slow
 def test_update_rules(report: Report, lock: Lock, analysers: dict[str, Analyser]) -> None:
     """Update rules, counted in solves
 
@@ -43,6 +45,7 @@ def test_update_rules(report: Report, lock: Lock, analysers: dict[str, Analyser]
     assert holds
 
 
+@pytest.mark.slow
 def test_modulus_contrast(report: Report, lock: Lock) -> None:
     """Both readings of "E_min = 1e-6"
 
@@ -64,6 +67,7 @@ def test_modulus_contrast(report: Report, lock: Lock) -> None:
     assert holds
 
 
+@pytest.mark.slow
 def test_speed(report: Report, analysers: dict[str, Analyser]) -> None:
     """Cost of one iteration beside a plain scikit-fem loop
 

@@ -27,6 +27,7 @@ RTOL_TIP = 0.01
 """Of the paper's 13.8 %: its last digit is 0.7 % of it."""
 
 
+@pytest.mark.slow
 def test_tips(report: Report, lock: Lock) -> None:
     """Which pattern of crossing can give both tip displacements, and why
 

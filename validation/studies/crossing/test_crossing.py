@@ -37,6 +37,7 @@ SHIFTS = (0.0, EPS, 0.25 - EPS, 0.25 + EPS, 0.5 - EPS, 0.5 + EPS, 0.75 - EPS)
 DIRECTIONS = {"x": (1.0, 0.0), "y": (0.0, 1.0), "diagonal": (1.0, 1.0)}
 
 
+@pytest.mark.slow
 def test_one_column(report: Report, lock: Lock, uniform: MaterialPoints) -> None:
     """One column over one boundary
 

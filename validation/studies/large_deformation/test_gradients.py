@@ -80,6 +80,7 @@ def test_smoothness(report: Report, lock: Lock) -> None:
     assert none and smooth and jumps
 
 
+@pytest.mark.slow
 def test_lazy_adjoint(report: Report, lock: Lock) -> None:
     """What a lazy adjoint loses
 

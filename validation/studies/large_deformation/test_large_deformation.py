@@ -168,6 +168,7 @@ def test_elastica(report: Report, lock: Lock) -> None:
     assert slim
 
 
+@pytest.mark.slow
 def test_column(report: Report, lock: Lock) -> None:
     """A column under its own weight
 

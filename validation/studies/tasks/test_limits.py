@@ -4,6 +4,7 @@ import warnings
 from dataclasses import replace
 
 import pandas as pd
+import pytest
 
 from mpmtop.body import Body, Support
 from mpmtop.criteria import AtMost, Compliance, Displacement, Volume
@@ -27,6 +28,7 @@ BEAM = Body(
 STIFFEST = Scene("beam", BEAM, Design(0.4, 1.5))
 
 
+@pytest.mark.slow
 def test_least_volume(report: Report, lock: Lock) -> None:
     """Least volume under deflection
 
