@@ -45,7 +45,7 @@ from validation.harness.shared import FOLDER
 from validation.harness.store import Ran, Study, headed, marked, merge, read
 from validation.harness.timed import merge_timed, read_timed
 
-LONGEST = ("l_bracket", "stability", "hole", "multi_resolution", "large_deformation", "crossing_l_bracket")
+LONGEST = ("l_bracket", "multi_resolution", "hole", "crossing_l_bracket", "stability", "large_deformation")
 """Studies that start first, so that processes beside each other end at about the same time."""
 ROOM = "studies"
 """The folder in which every study has one of its own."""
