@@ -73,7 +73,7 @@ class MultigridCG:
         diagonal = K.diagonal[self._places.unknown]
         if np.min(diagonal) <= 0:
             raise SingularMatrix(int(np.argmin(diagonal)))
-        if "_supported" not in self.__dict__:  # by which designs of one body do not differ
+        if "_supported" not in self.__dict__:  # designs of one body do not differ by what holds it
             self._check_rigid_motions(K)
             self.__dict__["_supported"] = True
         try:

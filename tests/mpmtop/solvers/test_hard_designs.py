@@ -47,12 +47,11 @@ def solved(solver: MultigridCG, data: Array, b: Array) -> tuple[Array, int, bool
 
 @pytest.mark.slow
 def test_a_coarsest_lattice_of_a_quarter_resolves_them(model: Model) -> None:
-    """It answers in half of the cycles that are allowed; from one of a sixteenth the second design is left to the
-    direct solver."""
+    """It answers in half of the cycles that are allowed; from one of a sixteenth they are twice as many (14 and 39 for
+    7 and 19)."""
     solver, b = model.solver, model.f_ext[model.stiffness.dof]
     assert isinstance(solver, MultigridCG)
     coarser = MultigridCG(solver.pattern, coarsest=20_000)
-    fallen = []
     for name in ("iteration_10", "iteration_23"):
         data = model.stiffness.data(moduli(name))
         x, cycles, asked = solved(solver, data, b)
@@ -63,5 +62,4 @@ def test_a_coarsest_lattice_of_a_quarter_resolves_them(model: Model) -> None:
         below = solver.pattern.row > solver.pattern.col
         np.subtract.at(off, solver.pattern.col[below], (data * x[solver.pattern.row])[below])
         assert np.linalg.norm(off) <= solver.tolerance * np.linalg.norm(b)
-        fallen.append(solved(coarser, data, b)[2])
-    assert fallen == [False, True]
+        assert solved(coarser, data, b)[1] >= 1.5 * cycles

@@ -93,22 +93,44 @@ FEW_RULES = ("GCMMA, one solve", "optimality criteria")
 
 
 @pytest.mark.benchmark
-@pytest.mark.parametrize("nx", LEVELS)
-def test_levels(report: Report, progress: ShowProgress, nx: int) -> None:
-    """From coarse to fine
+def test_levels_small(report: Report, progress: ShowProgress) -> None:
+    """From coarse to fine, 3,200 points
 
-    The paper's cantilever and radius on ever more points, by every rule, from a uniform design and by coarser levels
-    before (`optimize(..., levels=...)`). Designs on the way are judged by the fine reference, biquadratic elements (on
-    the largest problem bilinear ones, a second opinion on an equal mesh); counted are CPU seconds and solves, those of
-    the coarser levels and of all operators included, up to within 0.1 % of the best true objective of all runs.
+    The paper's cantilever and radius, by every rule, from a uniform design and by coarser levels before
+    (`optimize(..., levels=...)`). Designs on the way are judged by the fine reference, biquadratic elements; counted
+    are CPU seconds and solves, those of the coarser levels and of all operators included, up to within 0.1 % of the
+    best true objective of all runs.
     """
+    levels(report, progress, 80)
+
+
+@pytest.mark.benchmark
+def test_levels_medium(report: Report, progress: ShowProgress) -> None:
+    """From coarse to fine, 51,200 points
+
+    The same with 16 times as many points.
+    """
+    levels(report, progress, 320)
+
+
+@pytest.mark.benchmark
+def test_levels_large(report: Report, progress: ShowProgress) -> None:
+    """From coarse to fine, 500,000 points
+
+    Two rules only, and judged by bilinear elements, a second opinion on an equal mesh: a run takes minutes.
+    """
+    levels(report, progress, 1000)
+
+
+def levels(report: Report, progress: ShowProgress, nx: int) -> None:
+    """A section of `test_levels_...`: tracks of every rule by both starts, and their ratio."""
     names = FEW_RULES if nx > 320 else tuple(CANTILEVER_RULES)
     coarse, fine = ITERATIONS[nx]
     tracks: dict[tuple[str, str], Track] = {}
     for name in progress(names, "rules"):
-        for start, levels in (("uniform", ()), ("levels", LEVELS[nx])):
-            counts = (*[coarse] * len(levels), fine)
-            tracks[name, start] = track(nx, levels, CANTILEVER_RULES[name], counts, order=1 if nx > 320 else 2)
+        for start, coarser in (("uniform", ()), ("levels", LEVELS[nx])):
+            counts = (*[coarse] * len(coarser), fine)
+            tracks[name, start] = track(nx, coarser, CANTILEVER_RULES[name], counts, order=1 if nx > 320 else 2)
     best = min(float(each.true.min()) for each in tracks.values())
     goal = (1 + WITHIN) * best
     rows = [
