@@ -24,16 +24,17 @@ from skfem.helpers import grad
 
 from mpmtop.arrays import Array, Index
 from mpmtop.body import check_load_steps
-from mpmtop.errors import InvalidScene, NotConverged
+from mpmtop.errors import InvalidScene, NotConverged, UnsupportedBody
 from reference_fem.elasticity import FemModel
 from reference_fem.mesh import GEOMETRY_TOLERANCE, shortest_side
+from reference_fem.stiffness import numbering
 
 TOLERANCE = 1e-11
 """Of |R| against applied forces and reactions: Newton is quadratic, the next step would be at rounding."""
 ROUNDING = 1e-15
 """Part of the largest stiffness times the largest displacement and the body's extent, wherever it lies, left in R."""
-MAX_NEWTON = 25
-"""Newton steps for one part of the load; 4 to 9 are usual."""
+MAX_NEWTON = 15
+"""Newton steps for one part of the load; 4 to 9 are usual, 13 the most that have led anywhere."""
 MAX_HALVINGS = 5
 """Of a load step, before it counts as failed."""
 
@@ -138,15 +139,15 @@ class LargeModel:
         return self.basis.dx.shape
 
     @cached_property
-    def _pattern(self) -> tuple[Index, Index, Index]:
-        """Where the entries (e d d,) of element matrices go, and indices and indptr of the tangent."""
-        e, d = self._dofs.shape
-        row, column = (
-            np.broadcast_to(dofs, (e, d, d)).ravel() for dofs in (self._dofs[:, :, None], self._dofs[:, None])
-        )
-        N = self.basis.N
-        keys, entry = np.unique(column.astype(np.intp) * N + row, return_inverse=True)
-        return entry, (keys % N).astype(np.int32), np.searchsorted(keys, N * np.arange(N + 1)).astype(np.int32)
+    def _places(self) -> tuple[Index, Index]:
+        """Which entries (k,) of the element matrices (e d d,) are of free degrees of freedom, and where they go among
+        those of the tangent, whose pattern is the linear stiffness's."""
+        n, number = len(self.fem.free), numbering(self.basis.N, self.fem.free)[self._dofs]
+        row, column = np.broadcast_arrays(number[:, :, None], number[:, None])
+        free = np.flatnonzero((row >= 0) & (column >= 0))
+        linear = self.fem.stiffness
+        keys = np.repeat(np.arange(n), np.diff(linear.indptr)) * n + linear.indices
+        return free, np.searchsorted(keys, column.ravel()[free] * n + row.ravel()[free])
 
     def grad(self, u: Array) -> Array:
         """grad u (e, q, 2, 2)."""
@@ -188,25 +189,28 @@ class LargeModel:
         return self.to_dofs(moduli[:, None, None, None] * self.respond(u, nonlinear)[0])
 
     def tangent(self, moduli: Array, D: Array) -> sp.csc_matrix:
-        """K (N, N) of the moduli (e,) and D = dT/dgrad u (e, q, 4, 4)."""
+        """K (n, n) on the free degrees of freedom of the moduli (e,) and D = dT/dgrad u (e, q, 4, 4)."""
         D = D * (moduli[:, None] * self.basis.dx)[..., None, None]
         e, d = self._dofs.shape
         G = self._gradients
         local = G.reshape(e, -1, d).swapaxes(1, 2) @ (D @ G).reshape(e, -1, d)
-        entry, indices, indptr = self._pattern
-        data = np.bincount(entry, local.ravel(), len(indices))
-        return sp.csc_matrix((data, indices, indptr), shape=(self.basis.N, self.basis.N))
+        (free, entry), linear = self._places, self.fem.stiffness
+        data = np.bincount(entry, local.ravel()[free], len(linear.indices))
+        return sp.csc_matrix((data, linear.indices, linear.indptr), shape=(len(self.fem.free),) * 2)
 
     def work(self, T: Array, v: Array) -> Array:
         """int T : grad v dV of each element (e,)."""
         return np.sum(np.sum(T * self.grad(v), axis=(-2, -1)) * self.basis.dx, axis=1)
 
     def solve(self, moduli: Array, D: Array, f: Array) -> Array:
-        """K^-1 f (N,), zero where held."""
-        free = self.fem.free
-        K = sp.csc_matrix(self.tangent(moduli, D)[free][:, free])
+        """K^-1 f (N,), zero where held. Past a limit point K is not positive definite and takes pivots."""
+        free, K = self.fem.free, self.tangent(moduli, D)
+        try:
+            factor = self.fem.factorise(K)
+        except UnsupportedBody:
+            factor = splu(K, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True}).solve
         v = np.zeros(self.basis.N)
-        v[free] = splu(K, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True}).solve(f[free])
+        v[free] = factor(f[free])
         return v
 
 

@@ -10,13 +10,17 @@ from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
+from scipy.linalg.lapack import dpotrf, dpotrs
 from scipy.sparse.linalg import splu
 
-from mpmtop.arrays import Array, Index, Mask
+from mpmtop.arrays import Array, Index, Mask, distinct
 from mpmtop.grid import Grid
 from mpmtop.large_deformation.kinematics import Weights
 from mpmtop.solvers import Pattern, SingularMatrix, Solve, SparseCholesky
+from mpmtop.solvers.checked import checked_factor
 
+DENSE = 400
+"""Unknowns up to which the whole matrix is factored as one, in the time that the analysis of its pattern would take."""
 PIVOT = 1e-3
 """Part of a column's largest entry that the diagonal must have to be the pivot, where the tangent is not positive
 definite; past a limit point it is not."""
@@ -101,7 +105,7 @@ class Assembly:
         """
         if not np.iscomplexobj(lower):
             try:
-                return self.cholesky.factor(lower)
+                return dense(self.pattern, lower) if self.pattern.m <= DENSE else self.cholesky.factor(lower)
             except SingularMatrix:
                 pass
         return factorised(self.full(lower))
@@ -127,10 +131,7 @@ def assembly(grid: Grid, used: Stencils, width: int, unknown: Index, sign: Array
     kept = np.flatnonzero((row >= col) & (col >= 0))
 
     m = soft.shape[0]
-    below = sp.tril(soft).tocoo()
-    soft_row, soft_col = (part.astype(np.intp) for part in below.coords)
-    row, col = row.ravel()[kept], np.broadcast_to(col, shape).ravel()[kept]
-    key, entry = np.unique(np.concatenate([col * m + row, soft_col * m + soft_row]), return_inverse=True)
+    pattern, entry, constant = _pattern(row.ravel()[kept], np.broadcast_to(col, shape).ravel()[kept], soft)
     signs = None
     if np.any(sign < 0):
         s = sign[dof]
@@ -140,16 +141,59 @@ def assembly(grid: Grid, used: Stencils, width: int, unknown: Index, sign: Array
     # of those that share an unknown one in the body, the last, is as good as any
     position[unknown[free]] = np.stack(np.divmod(free // 2, ny), axis=1) * np.array(grid.h)
     return Assembly(
-        Pattern(m, *np.divmod(key, m)[::-1]),
+        pattern,
         position,
         kept.astype(np.int32),
         signs,
-        entry[: len(kept)].astype(np.int32),
-        scatter(entry[len(kept) :], below.data, len(key)),
+        entry,
+        constant,
         soft,
         sp.csr_array((sign[free], (unknown[free], free)), shape=(m, len(unknown))),
         unknown < 0,
     )
+
+
+def _pattern(row: Index, col: Index, soft: sp.csr_array) -> tuple[Pattern, Index, Array]:
+    """Pattern of the lower triangle that has places at `row`, `col` (k,) and where `soft` (m, m) has, the entry of each
+    of the k, and soft's own values on it.
+
+    Nodes of a stencil have numbers near each other: its places are in a narrow band, and need no sorting.
+    """
+    m = soft.shape[0]
+    width = int(np.max(row - col)) + 1
+    place = col * width + row - col
+    taken = np.zeros(m * width, bool)
+    taken[place] = True
+    number = np.flatnonzero(taken)
+    stencil_key = number // width * (m + 1) + number % width  # col m + row
+    soft_row, soft_col = np.repeat(np.arange(m), np.diff(soft.indptr)), soft.indices.astype(np.intp)
+    below = soft_row >= soft_col
+    soft_key = (soft_col * m + soft_row)[below]
+    key = distinct(np.concatenate([stencil_key, soft_key]))
+    entry = np.empty(m * width, np.int32)
+    entry[number] = np.searchsorted(key, stencil_key)
+    return (
+        Pattern(m, *np.divmod(key, m)[::-1]),
+        entry[place],
+        scatter(np.searchsorted(key, soft_key), soft.data[below], len(key)),
+    )
+
+
+def dense(pattern: Pattern, lower: Array) -> Solve:
+    """Solve with a small positive definite K by its lower triangle. SingularMatrix where it is none."""
+    K = np.zeros((pattern.m,) * 2, order="F")
+    K[pattern.row, pattern.col] = lower
+    diagonal = K.diagonal().copy()
+    if np.min(diagonal) <= 0:
+        raise SingularMatrix(int(np.argmin(diagonal)))
+    L, failed = dpotrf(K, lower=1, clean=0, overwrite_a=1)
+    if failed:
+        raise SingularMatrix(failed - 1)
+
+    def solve(b: Array) -> Array:
+        return dpotrs(L, b, lower=1)[0]
+
+    return checked_factor(solve, diagonal, L.diagonal() ** 2 / diagonal)
 
 
 def factorised(K: sp.csc_array) -> Solve:

@@ -9,6 +9,8 @@ It does not couple the components. What the points do not touch in a step is eli
 """
 
 from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
@@ -21,6 +23,14 @@ SYMMETRIC = {"SymmetricMode": True, "DiagPivotThresh": 0.0}
 """SuperLU, told that the diagonal serves as pivots, as it does of what is symmetric and positive definite."""
 
 
+class Entries(NamedTuple):
+    """Values (n,) at rows and columns of a matrix, each place at most once."""
+
+    row: Index
+    column: Index
+    value: Array
+
+
 @dataclass(frozen=True, eq=False)
 class Component:
     """Stiffness K (k, k) of one component's unknowns, which among all of them are `unknown` (k,); and an `order` (k,)
@@ -30,33 +40,54 @@ class Component:
     unknown: Index
     order: Index
 
-    def condensed(self, active: Mask) -> sp.csr_array:
-        """K_aa - K_ae K_ee^-1 K_ea (a, a) on the `active` (k,), with all others free of force.
+    @cached_property
+    def entries(self) -> Entries:
+        """Those of K."""
+        return Entries(np.repeat(np.arange(self.K.shape[0]), np.diff(self.K.indptr)), self.K.indices, self.K.data)
+
+    def condensed(self, active: Mask) -> Entries:
+        """K_aa - K_ae K_ee^-1 K_ea, by unknowns of the component, on the `active` (k,), with all others free of force.
 
         With K = L U and the active ones last, what is eliminated leaves S = L_aa U_aa: no system is solved.
         """
-        K_aa = sp.csr_array(self.K[active][:, active])
+        row, column, value = self.entries
+        of_row, of_column = active[row], active[column]
         edge = np.zeros(len(active), bool)
-        edge[self.K[~active].indices] = True
-        edge &= active
+        edge[row[of_row & ~of_column]] = True
         if not np.any(edge):
-            return K_aa
+            return _part(self.entries, of_row & of_column)
         others = self.order[~active[self.order]]
-        both = np.append(others, np.flatnonzero(edge))
-        lu = splu(sp.csc_array(self.K[both][:, both]), permc_spec="NATURAL", options=SYMMETRIC)
-        last = lu.perm_c[len(others) :]
-        S = (sp.csr_array(lu.L)[last] @ _only(sp.csc_array(lu.U)[:, last], last)).toarray()
-        place = (np.cumsum(active) - 1)[edge]
-        inner = sp.csr_array(self.K[edge][:, edge]).toarray()
-        row, column = np.meshgrid(place, place, indexing="ij")
-        return sp.csr_array(K_aa + sp.csr_array(((S - inner).ravel(), (row.ravel(), column.ravel())), shape=K_aa.shape))
+        last = np.flatnonzero(edge)
+        place = np.full(len(active), -1)
+        place[np.append(others, last)] = np.arange(len(others) + len(last))
+        i, j = place[row], place[column]
+        both = (i >= 0) & (j >= 0)
+        n = len(others) + len(last)
+        lu = splu(
+            sp.csc_array((value[both], (i[both], j[both])), shape=(n, n)), permc_spec="NATURAL", options=SYMMETRIC
+        )
+        at = lu.perm_c[len(others) :]
+        S = _dense(lu.L, at) @ _dense(lu.U, at)
+        kept = of_row & of_column & ~(edge[row] & edge[column])
+        grid = np.broadcast_arrays(last[:, None], last)
+        return Entries(
+            *map(np.concatenate, zip(_part(self.entries, kept), (g.ravel() for g in (*grid, S)), strict=True))
+        )
 
 
-def _only(U: sp.csc_array, rows: Index) -> sp.csr_array:
-    """U with all other rows zero."""
-    kept = np.zeros(U.shape[0])
-    kept[rows] = 1
-    return sp.csr_array(sp.diags_array(kept) @ U)
+def _part(of: Entries, which: Mask) -> Entries:
+    return Entries(of.row[which], of.column[which], of.value[which])
+
+
+def _dense(of: sp.csc_array, at: Index) -> Array:
+    """Rows and columns `at` (n,) of a sparse matrix, (n, n)."""
+    place = np.full(of.shape[0], -1)
+    place[at] = np.arange(len(at))
+    i, j = place[of.indices], np.repeat(place, np.diff(of.indptr))
+    among = (i >= 0) & (j >= 0)
+    found = np.zeros((len(at), len(at)))
+    found[i[among], j[among]] = of.data[among]
+    return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,8 +104,12 @@ class Background:
         first = x.condensed(of_x)
         second = first if y.K is x.K and np.array_equal(of_x, of_y) else y.condensed(of_y)
         place = np.cumsum(active) - 1
-        where = np.argsort(np.append(place[x.unknown[of_x]], place[y.unknown[of_y]]))
-        return sp.csr_array(sp.block_diag([first, second], format="csr")[where][:, where])
+        row, column = (
+            np.concatenate([place[x.unknown[of_first]], place[y.unknown[of_second]]])
+            for of_first, of_second in ((first.row, second.row), (first.column, second.column))
+        )
+        m = np.count_nonzero(active)
+        return sp.csr_array((np.concatenate([first.value, second.value]), (row, column)), shape=(m, m))
 
 
 def background(grid: Grid, unknown: Index, sign: Array, size: float) -> Background:

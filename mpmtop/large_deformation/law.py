@@ -131,16 +131,28 @@ def _logarithmic(F: Array) -> tuple[Array, Array, Array, Array, Array, Array]:
     J = jacobian(F)
     y = _squared_difference(F) / J**2
     q = np.sqrt(1 + y)
-    small = np.abs(y) < SERIES_BELOW
-    s = np.where(small, 1.0, y)
-    root = np.sqrt(s)
-    ratio = np.log(root + np.sqrt(1 + s)) / root  # asinh, which numpy's complex one is not exact for
     n = np.arange(TERMS)
     c = np.cumprod(np.append(1.0, -(2 * n[1:] - 1) / (2 * n[1:]))) / (2 * n + 1)  # asinh(x) / x = sum c_n x^2n
-    series, slope = np.polyval(c[::-1], np.where(small, y, 0)), np.polyval((c * n)[:0:-1], np.where(small, y, 0))
-    g = 2 * np.where(small, series, ratio)
-    by_y = np.where(small, 2 * slope, (1 / np.sqrt(1 + s) - ratio) / s)
+    large = np.flatnonzero(np.abs(y) >= SERIES_BELOW)
+    near = y
+    if len(large) > 0:
+        near = y.copy()
+        near[large] = 0
+    g, by_y = 2 * _polynomial(c, near), 2 * _polynomial((c * n)[1:], near)
+    if len(large) > 0:
+        s = y[large]
+        root = np.sqrt(s)
+        ratio = np.log(root + np.sqrt(1 + s)) / root  # asinh, which numpy's complex one is not exact for
+        g[large], by_y[large] = 2 * ratio, (1 / np.sqrt(1 + s) - ratio) / s
     return J, np.log(J), q, y * g**2 / 4, g, 2 * q * by_y
+
+
+def _polynomial(c: Array, y: Array) -> Array:
+    """sum_n c_n y^n."""
+    value = np.zeros_like(y)
+    for c_n in c[::-1]:
+        value = value * y + c_n
+    return value
 
 
 @dataclass(frozen=True)

@@ -123,10 +123,10 @@ def discretise(
 
     `frame` is "updated" or "total"; `domains` of GIMP stay "fixed" or are "stretched" with the points; `law` is
     Hencky's with the material's Poisson's ratio unless given; `alpha` is the part of E0 that the background has, 0 for
-    none. `grid` is the box that the body must not leave, and replaces h; unless given it is the body's and half its
-    longer side all around. `points` replaces the seeded points and ppc. The number of steps is part of the
-    discretisation: 8 and 16 are two problems. A support that is a line of nodes on the domain's edge holds those behind
-    it, too; a single node is a pin.
+    none: void alone then holds what hangs on it, with the digits that are left of its modulus. `grid` is the box that
+    the body must not leave, and replaces h; unless given it is the body's and half its longer side all around. `points`
+    replaces the seeded points and ppc. The number of steps is part of the discretisation: 8 and 16 are two problems. A
+    support that is a line of nodes on the domain's edge holds those behind it, too; a single node is a pin.
 
     Raises InvalidScene for what is not available in large deformation: plane stress, loads that no point carries, other
     shape functions than tent, gimp and bspline2; and for an argument that another one leaves without effect.

@@ -100,6 +100,14 @@ def test_indefinite_tangents_are_solved(method: str) -> None:
     np.testing.assert_allclose(K @ ops.assembly.factor(lower)(b), b, atol=1e-9)
 
 
+@EVERY
+def test_a_small_tangent_is_factored_whole_with_the_same_answer(method: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    body = model(METHODS[method], steps=2)
+    whole = trajectory(body, moduli()).states[-1].x
+    monkeypatch.setattr("mpmtop.large_deformation.assembly.DENSE", 0)
+    np.testing.assert_allclose(trajectory(body, moduli()).states[-1].x, whole, rtol=0, atol=1e-11)
+
+
 @pytest.mark.parametrize("domains", ["fixed", "stretched"])
 @pytest.mark.parametrize("shape_function", [tent, gimp, bspline2], ids=lambda s: s.__name__)
 def test_rotation_by_90_degrees_leaves_no_stress(shape_function: ShapeFunction, domains: str) -> None:

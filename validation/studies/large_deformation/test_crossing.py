@@ -68,15 +68,14 @@ def test_cost(report: Report) -> None:
     side, by size: the cantilever of the line of designs, moduli other ones every time. Beside them the same levels by
     one bilinear element for each point, total Lagrange.
     """
-    sizes = [spent(2.0, elements=True), spent(1.0, elements=True), spent(0.5, elements=False, repeats=1)]
-    _record(report, "cost", sizes)
+    _record(report, "cost", [spent(2.0, elements=True), spent(1.0, elements=True)])
 
 
 @pytest.mark.benchmark
 def test_cost_finer(report: Report) -> None:
     """Cost of more points
 
-    The same up to 12,800 points, elements included.
+    The same of 3,200 and 12,800 points.
     """
     _record(report, "cost_finer", [spent(0.5, elements=True), spent(0.25, elements=True, repeats=1)])
 
@@ -98,12 +97,11 @@ def _record(report: Report, name: str, sizes: list[Spent]) -> None:
             size.forward / (STEPS * size.linear),
             source="for comparison",
         )
-    largest = sizes[-1]
-    if largest.points == ASKED_OF:
-        report.timing(
-            f"load steps and gradient, {largest.points:,} points, CPU seconds",
-            largest.forward + largest.gradient,
-            at_most=3.0,
-            source="what an optimisation of a hundred analyses can wait for: five minutes",
-            why="asked of a machine of today",
-        )
+        if size.points == ASKED_OF:
+            report.timing(
+                f"load steps and gradient, {n}, CPU seconds",
+                size.forward + size.gradient,
+                at_most=3.0,
+                source="what an optimisation of a hundred analyses can wait for: five minutes",
+                why="asked of a machine of today",
+            )
