@@ -23,6 +23,7 @@ from mpmtop.crossing import moved, named
 from mpmtop.page.drawing import STYLE, drawn, embedded
 from mpmtop.page.numbers import number, per_cent
 from mpmtop.page.templates import templates
+from mpmtop.scene import LoadCase
 
 PACKAGES = ("numpy", "scipy", "scikit-fem")
 """Versions that decide the numbers, beside Python's."""
@@ -89,9 +90,10 @@ def parameters(asked: Asked) -> list[tuple[str, str]]:
         ("cells", " × ".join(number(float(side), 6) for side in asked.h)),
         ("points per cell and direction", asked.ppc),
         ("material", _said(scene.body.material)),
+        *((f"part {k} of another material", _said(each)) for k, each in enumerate(scene.body.parts, 1)),
         *((f"support {k}", _said(each)) for k, each in enumerate(scene.body.supports, 1)),
         *((f"load {k}", _said(each)) for k, each in enumerate(scene.body.loads, 1)),
-        *((f"load case {k}", _said(each)) for k, each in enumerate(scene.cases, 1)),
+        *((f"load case {k}", _case(each)) for k, each in enumerate(scene.cases, 1)),
         ("objective", _said(scene.objective)),
         *((f"constraint {k}", _said(each)) for k, each in enumerate(scene.constraints, 1)),
         *((part.name.replace("_", " "), _said(getattr(scene.design, part.name))) for part in fields(scene.design)),
@@ -101,6 +103,11 @@ def parameters(asked: Asked) -> list[tuple[str, str]]:
         *([("ghost penalty", asked.ghost)] if asked.ghost else []),
     ]
     return [(name, str(value)) for name, value in told]
+
+
+def _case(case: LoadCase) -> str:
+    """A load case, short; without supports of its own it is on those of the body."""
+    return _said(case).replace(", supports none)", ", supports of the body)") if case.supports is None else _said(case)
 
 
 def _said(stated: Any) -> str:

@@ -32,6 +32,8 @@ def per_cent(ratio: float, digits: int = 3, sign: bool = False) -> str:
 
 
 def changed(ratio: float) -> str:
-    """A relative change in words, for sentences: 3.7 % higher, 0.2 % lower, unchanged."""
+    """A relative change in words, for sentences: 3.7 % higher, 0.2 % lower, unchanged, higher by a factor of 4.0."""
+    if ratio >= 1:
+        return f"higher by a factor of {1 + ratio:.1f}"
     size = f"{abs(ratio):.1%}"
     return "unchanged" if size == "0.0%" else f"{size} {'higher' if ratio > 0 else 'lower'}"

@@ -184,7 +184,14 @@ def test_rows_of_sections_make_one_table_and_sentences_take_measured_values() ->
 
 
 @pytest.mark.parametrize(
-    ("ratio", "words"), [(0.0366, "3.7% higher"), (-0.002, "0.2% lower"), (-0.0001, "unchanged"), (0.0, "unchanged")]
+    ("ratio", "words"),
+    [
+        (0.0366, "3.7% higher"),
+        (-0.002, "0.2% lower"),
+        (-0.0001, "unchanged"),
+        (0.0, "unchanged"),
+        (3.0, "higher by a factor of 4.0"),
+    ],
 )
 def test_changes_in_words(ratio: float, words: str) -> None:
     assert changed(ratio) == words

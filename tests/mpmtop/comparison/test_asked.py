@@ -6,9 +6,24 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mpmtop import Body, Circle, Compliance, Design, Difference, PNormStress, PointLoad, Rectangle, Scene, Support
+from mpmtop import (
+    Body,
+    Circle,
+    Compliance,
+    Design,
+    Difference,
+    LoadCase,
+    Material,
+    Part,
+    PNormStress,
+    PointLoad,
+    Rectangle,
+    Scene,
+    Support,
+)
 from mpmtop.comparison.asked import MORE_POINTS, USUAL_POINTS, area, ask
 from mpmtop.comparison.methods import one_method, prepare
+from mpmtop.comparison.page import parameters
 from mpmtop.errors import InvalidScene
 from tests.mpmtop.comparison.scenes import BEAM
 
@@ -97,3 +112,13 @@ def test_elements_own_the_rectangles_of_the_points() -> None:
     order = [np.lexsort(at.x.T) for at in (points, elements)]
     assert np.allclose(points.x[order[0]], elements.x[order[1]], atol=1e-12)
     assert np.allclose(points.volume[order[0]], elements.volume[order[1]])
+
+
+def test_what_defines_the_comparison_is_told_with_its_parts_and_cases() -> None:
+    part = Part(Rectangle((0.0, 3.0), (8.0, 4.0)), Material(young=3.0))
+    cases = (LoadCase(BEAM.body.loads), LoadCase(BEAM.body.loads, supports=BEAM.body.supports))
+    body = replace(BEAM.body, loads=(), parts=(part,))
+    told = dict(parameters(ask(replace(BEAM, body=body, cases=cases), h=1.0)))
+    assert "young 3" in told["part 1 of another material"]
+    assert told["load case 1"].endswith("supports of the body)")
+    assert "Support(" in told["load case 2"]
