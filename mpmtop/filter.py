@@ -116,12 +116,14 @@ def _convolution(line: Index, spacing: Array, radius: float) -> LinearOperator:
     kernel = np.zeros(circle)
     kernel[tuple(offset)] = np.maximum(0, radius - np.hypot(*(o * s for o, s in zip(offset, spacing, strict=True))))
     spectrum = scipy.fft.rfft2(kernel)
-    i, j = line.T
+    place = np.ravel_multi_index((line[:, 0], line[:, 1]), (circle[0], circle[1]))
 
     def weighted_sum(at_points: Array) -> Array:
         field = np.zeros(circle)
-        field[i, j] = at_points.ravel()
-        return scipy.fft.irfft2(scipy.fft.rfft2(field, overwrite_x=True) * spectrum, s=circle, overwrite_x=True)[i, j]
+        field.ravel()[place] = at_points.ravel()
+        summed = scipy.fft.rfft2(field, overwrite_x=True)
+        summed *= spectrum
+        return scipy.fft.irfft2(summed, s=circle, overwrite_x=True).take(place)
 
     total = weighted_sum(np.ones(len(line)))
     p = len(line)

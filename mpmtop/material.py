@@ -54,4 +54,9 @@ def _poisson_out_of_plane(material: Material | Elastic, measure: StressMeasure) 
 
 def simp(rho: Array, penal: float, contrast: float) -> tuple[Array, Array]:
     """SIMP, Eq. (10): E/E0 and its derivative, both (p,), for densities rho (p,) in [0, 1]; contrast is E_min / E0."""
-    return contrast + rho**penal * (1 - contrast), penal * rho ** (penal - 1) * (1 - contrast)
+    return contrast + rho**penal * (1 - contrast), simp_slope(rho, penal, contrast)
+
+
+def simp_slope(rho: Array, penal: float, contrast: float) -> Array:
+    """The derivative alone: the other power costs ten times as much."""
+    return penal * rho ** (penal - 1) * (1 - contrast)

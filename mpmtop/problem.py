@@ -25,7 +25,7 @@ from mpmtop.equilibrium import Equilibrium, adjoint, load_gradient, moduli_gradi
 from mpmtop.errors import LoadOutsideBody
 from mpmtop.fingerprint import digits, words
 from mpmtop.loads import carriers
-from mpmtop.material import simp
+from mpmtop.material import simp, simp_slope
 from mpmtop.model import Model, discretise
 from mpmtop.objectives import Objective, objective
 from mpmtop.points import MaterialPoints
@@ -303,7 +303,7 @@ class DesignProblem(DesignVariables):
                 by_moduli = by_moduli + factor * moduli_gradient(model, state, found)
                 by_load = load_gradient(model, state, found)
                 explicit = explicit if by_load is None else explicit + factor * by_load
-        slope = simp(rho, self.design.penal, self.design.contrast)[1]
+        slope = simp_slope(rho, self.design.penal, self.design.contrast)
         return explicit + by_moduli * self.model.elastic.young * slope
 
 

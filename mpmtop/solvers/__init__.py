@@ -31,7 +31,7 @@ SPARSE_FROM = 25_000
 MULTIGRID_FROM = 100_000
 """Unknowns from which multigrid is tried before sparse Cholesky: a choice, not yet a measured crossover (the scale
 study measures it under `make benchmark`). What multigrid takes moves with the design, 6 to 16 cycles for designs of an
-optimisation of compliance at 251,000 unknowns, 9 to 37 to a p-norm's tolerance; a factorisation's price does not. An
+optimisation of compliance at 251,000 unknowns, 9 to 32 to a p-norm's tolerance; a factorisation's price does not. An
 adjoint, for which a direct solver pays next to nothing, moves the crossover up."""
 
 

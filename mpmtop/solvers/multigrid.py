@@ -31,11 +31,11 @@ SMOOTHED = 6.0
 half the lines cannot represent. Of the designs named at COARSEST 4 took as many cycles to 1e-5 and up to 6 of 38 more
 to 1e-8, 3 still more."""
 COARSEST = 300_000
-"""Unknowns of a lattice that is not coarsened further but solved directly, by sparse Cholesky. It should be as fine as
-a cycle's price allows: on lattices coarser than the members of a design, gaps between them close, and no second visit
-of a level makes up for it. Designs of an optimisation of 251,000 unknowns (iterations 10 to 41) took 7 to 16 cycles to
-1e-5 from a lattice of a quarter, 9 to 38 from one of a sixteenth, where two visits of the level between (a W-cycle)
-still took 27 to 30, and two conjugate gradients there 21 to 27."""
+"""Unknowns, about, of a level that is not coarsened further but solved directly, by sparse Cholesky. It should be as
+fine as a cycle's price allows: on lattices coarser than the members of a design, gaps between them close, and no second
+visit of a level makes up for it. Designs of an optimisation of 251,000 unknowns (iterations 10 to 41) took 7 to 16
+cycles to 1e-5 from a lattice of a quarter, 9 to 38 from one of a sixteenth, where two visits of the level between (a
+W-cycle) still took 27 to 30, and two conjugate gradients there 21 to 27; for 1.4 times the price of a cycle."""
 SHIFT = 3e-7
 """Part of the diagonal added on the coarsest level, five units of single precision's rounding. Two of its nodes may
 share all that they interpolate to, and of a stiff piece that hangs on void nothing but rounding may be left: it must

@@ -20,6 +20,7 @@ from mpmtop.region import Circle, Difference, Rectangle
 from mpmtop.shape_functions import bspline2, bspline3, gimp
 from mpmtop.solvers import MAX_ITERATIONS, BandedCholesky, Lattice, MultigridCG, SparseCholesky, multigrid
 from mpmtop.solvers.multigrid import coarsening, coarsest_of, v_cycle
+from mpmtop.solvers.multigrid_cg import IteratedSolve
 from mpmtop.solvers.stencil import Blocks, assembled, places
 from tests.scenes import cantilever
 
@@ -150,6 +151,15 @@ def test_one_coarse_level_at_least() -> None:
     assert [step.P.shape for step in coarsening((81, 41), (1.0, 1.0))] == [(2 * 81 * 41, 2 * 41 * 21)]
     assert len(coarsening((81, 41), (1.0, 1.0), coarsest=2_000)) == 1
     assert len(coarsening((81, 41), (1.0, 1.0), coarsest=1_000)) == 2
+
+
+@pytest.mark.parametrize(("name", "levels"), [("tent", 2), ("notch", 1)])
+def test_what_is_empty_does_not_count(name: str, levels: int) -> None:
+    """The first coarse lattice of 21 x 11 nodes has 462 unknowns if the body fills it, two thirds of them if not."""
+    model = model_of(name, partial(MultigridCG, coarsest=400))
+    solve = model.solver.factor(model.stiffness.data(np.ones(len(model.points.x))))
+    assert isinstance(solve, IteratedSolve)
+    assert len(solve.cycle.levels) == levels
 
 
 def test_rigid_bodies_and_strains_on_coarse_levels() -> None:
