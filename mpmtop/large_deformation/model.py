@@ -15,7 +15,7 @@ Sources: Charlton, Coombs and Augarde (2017), Computers & Structures 190:108; Co
 Software 146:102828 (AMPLE).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal
 
@@ -43,12 +43,14 @@ factorisation, which grows faster than the number of points, leaves little to ga
 
 @dataclass(frozen=True, eq=False)
 class Model:
-    """All that stays the same while densities change. `force` (p, 2) are the points' dead loads at full load.
+    """All that stays the same while densities change. `force` (p, 2) are the points' dead loads at full load, those of
+    the `body`.
 
     Degree of freedom 2 node + component of the box is `sign` times `unknown`, or held where that is -1, each
     (2 nodes,).
     """
 
+    body: Body
     grid: Grid
     points: MaterialPoints
     shape_function: ShapeFunction
@@ -137,13 +139,24 @@ def discretise(
     lower, upper = body.domain.bounds
     if grid is None:
         grid = Grid.around(lower, upper, (hx, hy), margin=1 + int(np.ceil(np.max(upper - lower) / 2 / min(hx, hy))))
-    check_load_steps(body, points.x, points.volume, 1e-9 * min(grid.h))
     unknown, sign = _unknowns(body, grid, shape_function)
     force = _forces(body, grid, points)
     young = float(body.material.young)
     soft = background(grid, unknown, sign, alpha * young) if alpha > 0 else None
     law = Hencky(body.material.poisson) if law is None else law
-    return Model(grid, points, shape_function, frame, domains, law, young, steps, alpha, force, unknown, sign, soft)
+    return Model(
+        body, grid, points, shape_function, frame, domains, law, young, steps, alpha, force, unknown, sign, soft
+    )
+
+
+def in_case(model: Model, body: Body) -> Model:
+    """The model under the loads and supports of `body`, its own body's in another load case. Raises as `discretise`."""
+    loaded = replace(model, body=body, force=_forces(body, model.grid, model.points))
+    if body.supports == model.body.supports:
+        return loaded
+    unknown, sign = _unknowns(body, model.grid, model.shape_function)
+    soft = background(model.grid, unknown, sign, model.alpha * model.young) if model.alpha > 0 else None
+    return replace(loaded, unknown=unknown, sign=sign, background=soft)
 
 
 def _refuse(
@@ -172,6 +185,8 @@ def _refuse(
 
 
 def _forces(body: Body, grid: Grid, points: MaterialPoints) -> Array:
+    """Dead loads (p, 2) of the points; zero where a body has none, as load cases bring their own."""
+    check_load_steps(body, points.x, points.volume, 1e-9 * min(grid.h))
     acts = action(body.loads, points.x, points.volume, 1e-9 * min(grid.h))
     if len(acts.position):
         raise InvalidScene(
@@ -180,7 +195,7 @@ def _forces(body: Body, grid: Grid, points: MaterialPoints) -> Array:
         )
     force = np.zeros_like(points.x)
     np.add.at(force, acts.points, acts.carried)
-    if not np.any(force):
+    if body.loads and not np.any(force):
         raise LoadOutsideBody("the loads are zero: give a force")
     return force
 

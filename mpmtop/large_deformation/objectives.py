@@ -8,6 +8,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from mpmtop.arrays import Array
+from mpmtop.criteria import Worst
 from mpmtop.errors import InvalidScene
 from mpmtop.large_deformation.adjoint import Seed, moduli_gradient
 from mpmtop.large_deformation.law import von_mises
@@ -30,6 +31,17 @@ class PathObjective(Protocol):
     def explicit(self, model: Model, path: Trajectory, rho: Array) -> Array:
         """dJ/drho (p,) at fixed states."""
         ...
+
+
+def check_objective(value: object) -> None:
+    """InvalidScene unless it is an objective of a trajectory; criteria of small strain are none."""
+    if isinstance(value, Worst):
+        raise InvalidScene("the worst of several load cases is of small strain: in large deformation give them weights")
+    if isinstance(value, type) or not all(hasattr(value, name) for name in ("value", "seed", "explicit")):
+        raise InvalidScene(
+            f"objective {value!r} in large deformation: give EndCompliance(), PathCompliance(), EndStress(exponent, "
+            "q), EndDisplacement(region, direction), or an object of your own with `value`, `seed` and `explicit`"
+        )
 
 
 def gradient(objective: PathObjective, model: Model, path: Trajectory, rho: Array) -> tuple[Array, Array]:

@@ -91,6 +91,8 @@ def _checked(model: Model, moduli: Array) -> Array:
 
 def _check_carriers(model: Model, moduli: Array) -> None:
     carriers = np.flatnonzero(np.any(model.force != 0, axis=1))
+    if len(carriers) == 0:
+        raise LoadOutsideBody("load on nothing: the body has no loads, give it some, or `cases` to the problem")
     void = carriers[np.real(moduli[carriers]) < CARRIES * np.max(np.real(moduli))]
     if len(void) > 0:
         x, y = model.points.x[void[0]]
