@@ -111,8 +111,9 @@ class LoadStepProblem(DesignVariables):
         law = (model.young, model.alpha, design.penal, design.contrast, design.volume_fraction, design.rho_min)
         averaged = None if space.all_active else self.filter_passive
         asked = (self.objective, *how, design.projection, design.symmetry, *map(float, law), design.filter_radius)
-        asked = (*asked, averaged, self.weights)
-        digest = hashlib.sha256(repr((model.shape_function.__name__, *map(words, asked))).encode())
+        digest = hashlib.sha256(
+            repr((model.shape_function.__name__, *map(words, asked), averaged, self.weights)).encode()
+        )
         points = model.points
         for whole in (*(each.unknown for each in self.models), space.solid, space.void):
             digest.update(np.ascontiguousarray(whole, np.int64).tobytes())
