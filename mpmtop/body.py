@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from mpmtop.arrays import Array
+from mpmtop.arrays import Array, numbers
 from mpmtop.errors import EmptyDomain, InvalidScene, LoadOutsideBody, UnsupportedBody
 from mpmtop.loads import Load, action, positions
 from mpmtop.region import Region, check_region, finite, finite_pair
@@ -32,7 +32,7 @@ class Material:
             raise InvalidScene(f"Young's modulus {self.young}: give a positive, finite number")
         if not -1 < finite("Poisson's ratio", self.poisson) < 0.5:
             raise InvalidScene(f"Poisson's ratio {self.poisson}: give a number above -1 and below 0.5")
-        if self.plane not in ("strain", "stress"):
+        if not isinstance(self.plane, str) or self.plane not in ("strain", "stress"):
             raise InvalidScene(f"plane {self.plane!r}: say 'strain' or 'stress'")
 
 
@@ -77,8 +77,8 @@ class Support:
 
     def __post_init__(self) -> None:
         check_region("the region of a support", self.region)
-        flags = list(self.fixed) if np.shape(self.fixed) == (2,) else []
-        if len(flags) != 2 or any(isinstance(flag, str) or flag not in (0, 1) for flag in flags):
+        flags = list(self.fixed) if numbers(self.fixed, 2) else []
+        if len(flags) != 2 or any(flag not in (0, 1) for flag in flags):
             raise InvalidScene(
                 f"support fixed in {self.fixed!r}: say which of the two components, (x, y), are held, as (True, False)"
             )
@@ -111,8 +111,7 @@ class EdgeSupport:
 
     def __post_init__(self) -> None:
         check_region("the region of an edge support", self.region)
-        if self.direction is not None and self.direction != "normal":
-            object.__setattr__(self, "direction", _direction("an edge support", self.direction))
+        object.__setattr__(self, "direction", _along_what("an edge support", self.direction))
 
     def directions(self, normal: Array) -> tuple[Array, ...]:
         """Unit vectors (n, 2) along which positions of outward normals (n, 2) are held."""
@@ -153,8 +152,7 @@ class Bed:
         check_region("the region of a bed", self.region)
         if not finite("stiffness of a bed", self.stiffness) > 0:
             raise InvalidScene(f"stiffness {self.stiffness} of a bed: give a positive number")
-        if self.direction is not None and self.direction != "normal":
-            object.__setattr__(self, "direction", _direction("a bed", self.direction))
+        object.__setattr__(self, "direction", _along_what("a bed", self.direction))
 
     def directions(self, normal: Array) -> tuple[Array, ...]:
         """Unit vectors (n, 2) along which it pulls at positions of outward normals (n, 2)."""
@@ -166,6 +164,10 @@ def _along(direction: tuple[float, float] | Literal["normal"] | None, normal: Ar
     if direction is None:
         return np.tile([1.0, 0.0], (len(normal), 1)), np.tile([0.0, 1.0], (len(normal), 1))
     return (normal if direction == "normal" else np.tile(direction, (len(normal), 1)),)
+
+
+def _along_what(of: str, value: Any) -> Any:
+    return value if value is None or (isinstance(value, str) and value == "normal") else _direction(of, value)
 
 
 def _direction(of: str, value: Any) -> tuple[float, float]:

@@ -8,7 +8,7 @@ from typing import Literal, NamedTuple, Protocol, get_args
 
 import numpy as np
 
-from mpmtop.arrays import Array
+from mpmtop.arrays import Array, number
 from mpmtop.errors import InvalidScene
 from mpmtop.loads import Load, PositionLoad, RegionLoad
 from mpmtop.region import Region, finite_pair
@@ -43,12 +43,12 @@ class PNormStress:
     weight: StressWeight = "count"
 
     def __post_init__(self) -> None:
-        if not 1 <= self.p < np.inf:
+        if not 1 <= number(self.p) < np.inf:
             raise InvalidScene(f"p-norm exponent {self.p}: give a finite number of at least 1")
-        if not 0 <= self.q < np.inf:
+        if not 0 <= number(self.q) < np.inf:
             raise InvalidScene(f"stress relaxation q {self.q}: give a finite number of at least 0")
         for what, given, known in (("measure", self.measure, StressMeasure), ("weight", self.weight, StressWeight)):
-            if given not in get_args(known):
+            if not isinstance(given, str) or given not in get_args(known):
                 raise InvalidScene(f"stress {what} {given!r}: give one of {', '.join(get_args(known))}")
 
 
@@ -150,11 +150,11 @@ class AtMost:
 
     def __post_init__(self) -> None:
         check_criterion(f"{type(self).__name__} of", self.criterion)
-        if not np.isfinite(self.bound):
-            raise InvalidScene(f"bound {self.bound} of a constraint: give a finite number")
+        if not np.isfinite(number(self.bound)):
+            raise InvalidScene(f"bound {self.bound!r} of a constraint: give a finite number")
         if self.scale is None and self.bound == 0:
             raise InvalidScene("a bound of 0 does not say what counts: give a `scale`, of the size of the criterion")
-        if self.scale is not None and not 0 < self.scale < np.inf:
+        if self.scale is not None and not 0 < number(self.scale) < np.inf:
             raise InvalidScene(f"scale {self.scale} of a constraint: give a positive, finite number")
         if self.case is not None and (not isinstance(self.case, int) or self.case < 0):
             raise InvalidScene(f"case {self.case!r} of a constraint: give the number of a load case, from 0 on")

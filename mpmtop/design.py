@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mpmtop.arrays import Array
+from mpmtop.arrays import Array, number
 from mpmtop.errors import InvalidScene
 from mpmtop.region import Region, check_region, finite_pair
 
@@ -48,10 +48,10 @@ class Projection:
     preserve_volume: bool = False
 
     def __post_init__(self) -> None:
-        if not 0 < self.beta <= STEEPEST:
-            raise InvalidScene(f"beta {self.beta} of a projection: give a positive number of at most {STEEPEST:g}")
-        if not 0 <= self.threshold <= 1:
-            raise InvalidScene(f"threshold {self.threshold} of a projection: give a number from 0 to 1")
+        if not 0 < number(self.beta) <= STEEPEST:
+            raise InvalidScene(f"beta {self.beta!r} of a projection: give a positive number of at most {STEEPEST:g}")
+        if not 0 <= number(self.threshold) <= 1:
+            raise InvalidScene(f"threshold {self.threshold!r} of a projection: give a number from 0 to 1")
         if not isinstance(self.preserve_volume, bool):
             raise InvalidScene(f"preserve_volume {self.preserve_volume!r}: say True or False")
         if self.preserve_volume and self.threshold != 0.5:
@@ -111,22 +111,22 @@ class Design:
         for name, region in (("passive_solid", self.passive_solid), ("passive_void", self.passive_void)):
             if region is not None:
                 check_region(name, region)
-        if not 0 < self.volume_fraction <= 1:
+        if not 0 < number(self.volume_fraction) <= 1:
             raise InvalidScene(f"volume fraction {self.volume_fraction}: give a number above 0 and at most 1")
-        if not 0 < self.filter_radius < np.inf:
+        if not 0 < number(self.filter_radius) < np.inf:
             raise InvalidScene(
                 f"filter radius {self.filter_radius}: give a positive length "
                 "(one below the point spacing filters nothing)"
             )
-        if not 0 <= self.rho_min < 1:
+        if not 0 <= number(self.rho_min) < 1:
             raise InvalidScene(f"rho_min {self.rho_min}: give a number from 0 to below 1")
         if self.rho_min > self.volume_fraction:
             raise InvalidScene(
                 f"rho_min {self.rho_min} exceeds the volume fraction {self.volume_fraction}: no design is feasible"
             )
-        if not 0 <= self.contrast < 1:
+        if not 0 <= number(self.contrast) < 1:
             raise InvalidScene(f"modulus contrast {self.contrast}: give a number from 0 to below 1")
-        if not 1 <= self.penal < np.inf:
+        if not 1 <= number(self.penal) < np.inf:
             raise InvalidScene(f"penalty {self.penal}: give a finite number of at least 1")
         if self.projection is not None and not isinstance(self.projection, Projection):
             raise InvalidScene(f"projection {self.projection!r}: give Projection(beta)")

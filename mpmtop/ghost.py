@@ -22,7 +22,7 @@ from math import isqrt
 import numpy as np
 import scipy.sparse as sp
 
-from mpmtop.arrays import Array, Index
+from mpmtop.arrays import Array, Index, number
 from mpmtop.grid import Grid
 from mpmtop.points import GAUSS_2, MaterialPoints
 from mpmtop.shape_functions import ShapeFunction, gimp, tent
@@ -65,8 +65,8 @@ def ghost_penalty(
     where a lone point sits on the grid's line crossing. Raises ValueError for gamma < 0 and for B-splines.
     """
     a, p = len(transfer.nodes), len(points.volume)
-    if not 0 <= gamma < np.inf:
-        raise ValueError(f"ghost penalty {gamma}: give a finite number of at least 0")
+    if not 0 <= number(gamma) < np.inf:
+        raise ValueError(f"ghost penalty {gamma!r}: give a finite number of at least 0")
     if gamma == 0:
         return GhostPenalty(gamma, 0, sp.csr_array((0, a)), sp.csr_array((0, p)))
     if shape_function not in (tent, gimp):

@@ -53,11 +53,7 @@ class Throughout(NamedTuple):
 
     def at(self, x: Array, tol: float) -> Array:
         """Force per volume (n, 2) at density one, zero outside the region."""
-        force = np.asarray(self.force(x), float)
-        if force.shape != x.shape or not np.all(np.isfinite(force)):
-            raise InvalidScene(
-                f"body force of shape {force.shape} at {x.shape[0]} positions: give two finite numbers for each"
-            )
+        force = _given("body force", self.force, x, x.shape)
         if self.region is None:
             return force
         inside = self.region.contains(x, tol)
@@ -229,7 +225,7 @@ class Traction:
         """t."""
         force = _vectors(self.force)
         return at_places()._replace(
-            along=(Along(self.region, lambda x, normal: _given("traction", force(x), x.shape)),)
+            along=(Along(self.region, lambda x, normal: _given("traction", force, x, x.shape)),)
         )
 
 
@@ -252,7 +248,7 @@ class Pressure:
         def traction(x: Array, normal: Array) -> Array:
             if not callable(self.pressure):
                 return -self.pressure * normal
-            return -_given("pressure", self.pressure(x), (len(x),))[:, None] * normal
+            return -_given("pressure", self.pressure, x, (len(x),))[:, None] * normal
 
         return at_places()._replace(along=(Along(self.region, traction),))
 
@@ -299,9 +295,14 @@ def _per_volume(what: str, force: Any, region: Region | None) -> object:
     return force if callable(force) else finite_pair(what, force)
 
 
-def _given(what: str, values: Any, shape: tuple[int, ...]) -> Array:
-    """What a function gave, as an array; InvalidScene unless it is finite and has the shape."""
-    found = np.asarray(values)
+def _given(what: str, function: Vectors, x: Array, shape: tuple[int, ...]) -> Array:
+    """What a function gives at positions x (n, 2); InvalidScene unless it is finite and has the shape."""
+    try:
+        found = np.asarray(function(x))
+    except (TypeError, ValueError) as error:  # it takes other arguments, or a list of them
+        raise InvalidScene(
+            f"a {what} by a function failed at {len(x)} positions ({error}): let it take positions (n, 2)"
+        ) from error
     if found.shape != shape or found.dtype.kind not in "biuf" or not np.all(np.isfinite(found)):
         raise InvalidScene(
             f"a {what} by a function gave {found.shape} for {shape[0]} positions: return finite numbers {shape}"

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from mpmtop.arrays import Array, Mask
+from mpmtop.arrays import Array, Mask, number, numbers
 from mpmtop.b_bar import with_mean_dilatation
 from mpmtop.body import Body, Elastic, Support, elastic
 from mpmtop.cut import cut_points
@@ -158,13 +158,20 @@ def discretise(
     covers, see `mpmtop.cut`: for a body whose edge runs between the grid's lines; h need not divide its sides.
     Raises EmptyDomain, PointOutsideGrid, LoadOutsideBody, UnsupportedBody, or InvalidScene for `b_bar` in plane stress,
     and for an argument that another one leaves without effect.
-    Warns of what misleads about the body: GluedGap, NearMechanism, PointsOnGridLines, see `mpmtop.diagnose`.
+    Warns of what misleads about the body, see `mpmtop.diagnose`: GluedGap, NearMechanism, UnevenCells,
+    PointsOnGridLines.
 
     Limit: domains of GIMP that leave the body's outermost cells by a hair give the nodes outside a hair of stiffness.
     These move far and the edge gets softer by a step, the more so the fewer cells the body has, unless a ghost penalty
     ties them: take quantities of interest at points, not at nodes.
     """
     seeded_in = body.domain if points is None else None
+    for name, flag in (("b_bar", b_bar), ("cut", cut)):
+        if not isinstance(flag, bool):
+            raise InvalidScene(f"{name} {flag!r}: say True or False")
+    for name, part in (("shape_function", shape_function), ("solver", solver)):
+        if not callable(part):
+            raise InvalidScene(f"{name} {part!r}: give a function, such as tent, or leave it out")
     if cut:
         points, grid = _cut(body.domain, h, ppc, points, grid, shape_function)
         h = ppc = None
@@ -177,7 +184,7 @@ def discretise(
     weighted = transfer(grid, points, shape_function, ends)
     forces = external_force(body.loads, body.domain, grid, points, shape_function, ends, weighted)
     f_ext = forces.at(np.ones(len(points.volume)))
-    found = findings(grid, points, weighted, shape_function, body.held, f_ext, seeded_in)
+    found = findings(grid, points, weighted, shape_function, body.held, f_ext, seeded_in, cut)
     penalty = ghost_penalty(ghost, grid, points, weighted, shape_function)
     if b_bar:
         if body.material.plane == "stress":
@@ -208,6 +215,8 @@ def points_and_cell(
     InvalidScene where one of them leaves another without effect.
     """
     hx, hy = _cell(h, grid)
+    if points is not None and not isinstance(points, MaterialPoints):
+        raise InvalidScene(f"points {points!r}: give `MaterialPoints`, as `seed` makes them")
     if points is not None:
         if ppc is not None:
             raise InvalidScene(f"{ppc} points per cell beside `points`: give one of the two")
@@ -222,17 +231,22 @@ def points_and_cell(
 
 def _cell(h: float | tuple[float, float] | None, grid: Grid | None) -> tuple[float, float]:
     """The size (hx, hy) of a cell, given as such or by a grid."""
-    size = h if grid is None else grid.h
-    if size is None or not (grid is None or h is None):
+    if (h is None) == (grid is None):
         raise InvalidScene("cells: give their size h or a `grid`, one of the two")
+    if grid is not None and not isinstance(grid, Grid):
+        raise InvalidScene(f"grid {grid!r}: give a `Grid(origin, h, cells)`, or the size h of its cells")
+    size: Any = h if grid is None else grid.h
+    if not (np.isfinite(number(size)) or numbers(size, 2)):
+        raise InvalidScene(f"cells of size {size!r}: give a positive length, or two")
     hx, hy = (float(s) for s in np.broadcast_to(size, 2))
     return hx, hy
 
 
 def _per_cell(ppc: int | tuple[int, int] | None) -> tuple[int, int]:
-    nx, ny = np.broadcast_to(2 if ppc is None else ppc, 2)
+    given: Any = 2 if ppc is None else ppc
+    nx, ny = np.broadcast_to(given, 2) if np.isfinite(number(given)) or numbers(given, 2) else (np.int64(0),) * 2
     if min(nx, ny) < 1 or not np.issubdtype(nx.dtype, np.integer):
-        raise ValueError(f"{ppc} points per cell: give at least one in each direction, a whole number")
+        raise ValueError(f"{ppc!r} points per cell: give at least one in each direction, a whole number")
     return int(nx), int(ny)
 
 

@@ -41,7 +41,9 @@ def plan(problem: DesignProblem) -> str:
         else "stresses: skipped, the objective needs none",
         f"filter: {_filter_plan(problem)}",
         *_asked_plan(problem),
-        *(f"warning, {type(finding).__name__}: {finding}" for finding in model.findings),
+        *dict.fromkeys(
+            f"warning, {type(finding).__name__}: {finding}" for each in problem.models for finding in each.findings
+        ),
     ]
     return "\n".join(lines)
 

@@ -22,7 +22,7 @@ from mpmtop.criteria import (
 )
 from mpmtop.design import Design, physical_densities
 from mpmtop.equilibrium import Equilibrium, adjoint, load_gradient, moduli_gradient
-from mpmtop.errors import LoadOutsideBody
+from mpmtop.errors import InvalidScene, LoadOutsideBody
 from mpmtop.fingerprint import digits, words
 from mpmtop.loads import carriers
 from mpmtop.material import simp, simp_slope
@@ -105,6 +105,10 @@ class DesignProblem(DesignVariables):
 
     def __post_init__(self) -> None:
         check_together(self.model.body, self.design, self.objective, self.constraints, self.cases)
+        if not (self.design_grid is None or isinstance(self.design_grid, MaterialPoints)):
+            raise InvalidScene(f"design grid {self.design_grid!r}: give `MaterialPoints`, as `seed` makes them")
+        if not isinstance(self.filter_passive, bool):
+            raise InvalidScene(f"filter_passive {self.filter_passive!r}: say True or False")
         if self.design_grid is not None and len(self.design_grid.x) != len(self.model.points.x):
             raise ValueError(
                 f"design grid of {len(self.design_grid.x)} points for a model of {len(self.model.points.x)}: "

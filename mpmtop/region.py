@@ -11,7 +11,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from mpmtop.arrays import Array, Index, Mask
+from mpmtop.arrays import Array, Index, Mask, number, numbers
 from mpmtop.curves import Curve, Line, Round
 from mpmtop.errors import InvalidScene
 
@@ -38,15 +38,14 @@ def divisions(what: str, bounds: tuple[Array, Array], size: tuple[float, float] 
 
 def finite_pair(what: str, value: Any) -> tuple[float, float]:
     """The two numbers of `value` as floats; InvalidScene, which names `what`, if it is not two finite numbers."""
-    if np.shape(value) != (2,) or not np.all(np.isfinite(value)):
+    if not numbers(value, 2):
         raise InvalidScene(f"{what} {value}: give two finite numbers")
     return float(value[0]), float(value[1])
 
 
 def finite(what: str, value: Any) -> float:
     """The number as a float; InvalidScene, which names `what`, if it is not one finite number."""
-    number = np.shape(value) == () and np.asarray(value).dtype.kind in "biuf"
-    if not number or not np.isfinite(value):
+    if not np.isfinite(number(value)):
         raise InvalidScene(f"{what} {value!r}: give a finite number")
     return float(value)
 
@@ -129,7 +128,7 @@ class Circle:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "centre", finite_pair("centre of a circle", self.centre))
-        if not 0 < self.radius < np.inf:
+        if not 0 < number(self.radius) < np.inf:
             raise InvalidScene(f"circle of radius {self.radius}: give a positive, finite length")
 
     @property

@@ -4,6 +4,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from mpmtop.arrays import number
 from mpmtop.body import Bed, Body, EdgeSupport, Spring, Support
 from mpmtop.criteria import AtMost, Compliance, Criterion, PNormStress, Volume, Worst, check_criterion
 from mpmtop.design import Design
@@ -25,7 +26,7 @@ class LoadCase:
     def __post_init__(self) -> None:
         if not isinstance(self.loads, tuple):
             raise InvalidScene("loads of a case: give a tuple, with a comma after a single one")
-        if not 0 <= self.weight < np.inf:
+        if not 0 <= number(self.weight) < np.inf:
             raise InvalidScene(f"weight {self.weight} of a load case: give a finite number of at least 0")
 
 
@@ -45,6 +46,8 @@ class Scene:
     cases: tuple[LoadCase, ...] = ()
 
     def __post_init__(self) -> None:
+        if not isinstance(self.name, str):
+            raise InvalidScene(f"name {self.name!r} of a scene: give a text")
         check_together(self.body, self.design, self.objective, self.constraints, self.cases)
 
 
@@ -67,6 +70,9 @@ def check_together(
 ) -> None:
     """Raise InvalidScene or LoadOutsideBody where a body, a design and criteria, each fine for itself, do not make a
     problem."""
+    for what, given, wanted in (("body", body, Body), ("design", design, Design)):
+        if not isinstance(given, wanted):
+            raise InvalidScene(f"{what} {given!r} of a scene: give a `{wanted.__name__}`")
     for name, parts, kind in (("constraints", constraints, AtMost), ("cases", cases, LoadCase)):
         if not isinstance(parts, tuple) or not all(isinstance(part, kind) for part in parts):
             what = "AtMost(criterion, bound) or AtLeast" if kind is AtMost else "LoadCase(loads)"

@@ -1,6 +1,7 @@
 """Globally convergent MMA, with its inner loop and without: see `mma` for the approximation and the sources."""
 
 from dataclasses import dataclass
+from numbers import Integral
 
 import numpy as np
 
@@ -51,8 +52,10 @@ class GCMMA:
 
     def __post_init__(self) -> None:
         check_move(self.move)
-        if self.max_inner < 1:
-            raise ValueError(f"max_inner {self.max_inner}: allow at least one solve")
+        if not isinstance(self.warm_start, bool):
+            raise ValueError(f"warm_start {self.warm_start!r}: say True or False")
+        if not isinstance(self.max_inner, Integral) or self.max_inner < 1:
+            raise ValueError(f"max_inner {self.max_inner!r}: allow at least one solve, a whole number")
 
     def step(self, problem: Problem[E], state: State, evaluation: E, df0: Array, dg: Array) -> tuple[State, E, int]:
         """Next state, its evaluation and the solves spent (1 to max_inner); NotConverged if a value is not finite, and

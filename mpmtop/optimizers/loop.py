@@ -10,12 +10,13 @@ import os
 import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from numbers import Integral
 from pathlib import Path
 from typing import Any, Generic, Literal
 
 import numpy as np
 
-from mpmtop.arrays import Array
+from mpmtop.arrays import Array, number
 from mpmtop.optimizers.checkpoint import (
     RESUMED_OBJECTIVE_RTOL,
     CheckpointError,
@@ -74,8 +75,14 @@ class Stage(Generic[E]):
     max_iterations: int = 500
 
     def __post_init__(self) -> None:
-        if self.max_iterations < 0:
-            raise ValueError(f"max_iterations {self.max_iterations}: give at least 0")
+        if not all(hasattr(self.problem, name) for name in ("x0", "evaluate", "gradient")):
+            raise ValueError(f"problem {self.problem!r} of a stage: give a `DesignProblem`, or what has its methods")
+        if not hasattr(self.update, "step") or isinstance(self.update, type | range | slice):
+            raise ValueError(f"update {self.update!r} of a stage: give a rule, as GCMMA()")
+        if not callable(self.stop):
+            raise ValueError(f"stop {self.stop!r} of a stage: give a rule, as relative_change(1e-4)")
+        if not isinstance(self.max_iterations, Integral) or self.max_iterations < 0:
+            raise ValueError(f"max_iterations {self.max_iterations!r}: give at least 0, a whole number")
 
 
 def optimize(
@@ -98,6 +105,8 @@ def optimize(
     what they need (UnresolvedFilter). Their iterates are handed out, too: `stage` tells them apart. See `continuation`
     for the rest.
     """
+    if not isinstance(levels, Sequence) or isinstance(levels, str | bytes):
+        raise ValueError(f"levels {levels!r}: give a list of problems, coarsest first")
     check_levels(levels)
     stages = [Stage(each, update, stop, max_iterations) for each in (*levels, problem)]
     return continuation(
@@ -124,10 +133,12 @@ def continuation(
     last design of a displacement is the trivial one. Raises NotConverged on values that are not finite, ValueError on
     unusable bounds or starts, CheckpointError on a file that is damaged or belongs to another run.
     """
-    if not stages:
-        raise ValueError("no stage: give at least one")
-    if checkpoint_every < 1 or not feasible >= 0:
-        raise ValueError(f"checkpoint_every {checkpoint_every}, feasible {feasible}: give at least 1 and 0")
+    if not isinstance(stages, Sequence) or not stages or not all(isinstance(stage, Stage) for stage in stages):
+        raise ValueError("stages of a continuation: give a list of one `Stage(problem, update)` or more")
+    if not isinstance(checkpoint_every, Integral) or checkpoint_every < 1 or not number(feasible) >= 0:
+        raise ValueError(f"checkpoint_every {checkpoint_every!r}, feasible {feasible!r}: give at least 1 and 0")
+    if not (checkpoint is None or isinstance(checkpoint, str | os.PathLike)):
+        raise ValueError(f"checkpoint {checkpoint!r}: give the path of a file")
     path = None if checkpoint is None else Path(checkpoint)
     first = checked_start(stages[0].problem, starting_design(stages[0].problem, start))
     return _run(stages, first, feasible, path, checkpoint_every)

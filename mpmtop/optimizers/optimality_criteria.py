@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import brentq
 
-from mpmtop.arrays import Array
+from mpmtop.arrays import Array, number
 from mpmtop.optimizers.protocols import E, Problem, State
 from mpmtop.optimizers.state import allowed_move, check_move, scaled_functions, scaled_values
 from mpmtop.optimizers.subproblem import SMALLEST
@@ -30,7 +30,7 @@ class OptimalityCriteria:
 
     def __post_init__(self) -> None:
         check_move(self.move)
-        if self.bisection is not None and not 1e-14 <= self.bisection < 1:  # rounding of the interval's ends
+        if self.bisection is not None and not 1e-14 <= number(self.bisection) < 1:  # rounding of the interval's ends
             raise ValueError(f"bisection {self.bisection}: give a width from 1e-14 to below 1, 1e-3 as published")
 
     def step(self, problem: Problem[E], state: State, evaluation: E, df0: Array, dg: Array) -> tuple[State, E, int]:

@@ -13,6 +13,8 @@ RESOLVED = 1.5
 """Spacings in a filter radius, at least: with one neighbour to each side in the average a coarse design has the fine
 one's smallest members; with none it has checkerboards, and their optimum is a bad start."""
 
+STARTS = "give a design (n,), one number for all, or a function of the positions (n, d)"
+
 Start = Array | float | Callable[[Array], Array]
 
 
@@ -28,6 +30,10 @@ class Placed(Protocol):
         """Radius of the density filter [length]."""
 
 
+class Unplaced(TypeError):
+    """A problem does not say where its variables are; the message says what to give it."""
+
+
 class UnresolvedFilter(ValueError):
     """A level is too coarse for the filter radius; the message says which."""
 
@@ -36,9 +42,15 @@ def starting_design(problem: Problem[E], start: Start | None) -> Array:
     """The design (n,) of a start: x0, an array (n,), one number for all, or a function of the positions (n, d)."""
     if start is None:
         return np.array(problem.x0, float)
-    if callable(start):
-        start = start(np.array(placed(problem).positions))
-    design = np.array(start, float)
+    try:
+        design = np.asarray(start(np.array(placed(problem).positions)) if callable(start) else start)
+    except Unplaced:
+        raise
+    except (TypeError, ValueError) as error:  # a function of something else, lists of unequal length
+        raise ValueError(f"start {start!r} ({error}): {STARTS}") from error
+    if design.dtype.kind not in "biuf":
+        raise ValueError(f"start {start!r}: {STARTS}")
+    design = design.astype(float)
     return np.full(np.shape(problem.x0), design) if design.ndim == 0 else design
 
 
@@ -70,7 +82,7 @@ def check_levels(levels: Sequence[Problem[Any]]) -> None:
 def placed(problem: Any) -> Placed:
     """The problem, if it says where its variables are; TypeError otherwise."""
     if not (hasattr(problem, "positions") and hasattr(problem, "filter_radius")):
-        raise TypeError(
+        raise Unplaced(
             f"{type(problem).__name__} does not say where its variables are: give it `positions` (n, d) and "
             "`filter_radius`, or an array as start"
         )

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from mpmtop.arrays import Array
+from mpmtop.arrays import Array, number
 from mpmtop.errors import NotConverged
 from mpmtop.optimizers.protocols import E, Evaluation, Problem, State, objectives
 from mpmtop.optimizers.subproblem import SMALLEST
@@ -100,5 +100,5 @@ def allowed_move(problem: Problem[E], move: float) -> float:
 
 def check_move(move: float) -> None:
     """ValueError unless the move limit is a fraction of the range, above 0."""
-    if not 0 < move <= 1:
-        raise ValueError(f"move {move}: give a fraction of the variables' range above 0 and at most 1")
+    if not 0 < number(move) <= 1:
+        raise ValueError(f"move {move!r}: give a fraction of the variables' range above 0 and at most 1")

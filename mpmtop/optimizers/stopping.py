@@ -2,10 +2,11 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from numbers import Integral
 
 import numpy as np
 
-from mpmtop.arrays import Array
+from mpmtop.arrays import Array, number
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,8 +26,8 @@ StoppingRule = Callable[[History], bool]
 
 def relative_change(tol: float = 1e-4, window: int = 4) -> StoppingRule:
     """Stop when |J_k - J_(k-i)| <= tol |J_k| for i = 1..window (the paper's rule)."""
-    if not tol >= 0 or window < 1:
-        raise ValueError(f"tol {tol}, window {window}: give a tolerance of at least 0 and a window of at least 1")
+    if not number(tol) >= 0 or not isinstance(window, Integral) or window < 1:
+        raise ValueError(f"tol {tol!r}, window {window!r}: give a tolerance of at least 0 and a window of at least 1")
 
     def met(history: History) -> bool:
         J = history.objective
@@ -37,8 +38,8 @@ def relative_change(tol: float = 1e-4, window: int = 4) -> StoppingRule:
 
 def design_change(tol: float = 0.01) -> StoppingRule:
     """Stop when max |x_k - x_(k-1)| <= tol."""
-    if not tol >= 0:
-        raise ValueError(f"tol {tol}: give a tolerance of at least 0")
+    if not number(tol) >= 0:
+        raise ValueError(f"tol {tol!r}: give a tolerance of at least 0")
 
     def met(history: History) -> bool:
         return len(history.objective) > 1 and bool(np.max(np.abs(history.x - history.x_old)) <= tol)
