@@ -166,12 +166,7 @@ def discretise(
     ties them: take quantities of interest at points, not at nodes.
     """
     seeded_in = body.domain if points is None else None
-    for name, flag in (("b_bar", b_bar), ("cut", cut)):
-        if not isinstance(flag, bool):
-            raise InvalidScene(f"{name} {flag!r}: say True or False")
-    for name, part in (("shape_function", shape_function), ("solver", solver)):
-        if not callable(part):
-            raise InvalidScene(f"{name} {part!r}: give a function, such as tent, or leave it out")
+    _check_kinds({"b_bar": b_bar, "cut": cut}, {"shape_function": shape_function, "solver": solver})
     if cut:
         points, grid = _cut(body.domain, h, ppc, points, grid, shape_function)
         h = ppc = None
@@ -201,6 +196,15 @@ def discretise(
     for finding in found:
         warnings.warn(finding, stacklevel=2)
     return model
+
+
+def _check_kinds(flags: dict[str, Any], functions: dict[str, Any]) -> None:
+    for name, flag in flags.items():
+        if not isinstance(flag, bool):
+            raise InvalidScene(f"{name} {flag!r}: say True or False")
+    for name, function in functions.items():
+        if not callable(function):
+            raise InvalidScene(f"{name} {function!r}: give a function, such as tent, or leave it out")
 
 
 def points_and_cell(
@@ -237,7 +241,7 @@ def _cell(h: float | tuple[float, float] | None, grid: Grid | None) -> tuple[flo
         raise InvalidScene(f"grid {grid!r}: give a `Grid(origin, h, cells)`, or the size h of its cells")
     size: Any = h if grid is None else grid.h
     if not (np.isfinite(number(size)) or numbers(size, 2)):
-        raise InvalidScene(f"cells of size {size!r}: give a positive length, or two")
+        raise InvalidScene(f"cells of size {size!r}: give finite, positive lengths, the spacing of the lines")
     hx, hy = (float(s) for s in np.broadcast_to(size, 2))
     return hx, hy
 

@@ -201,5 +201,5 @@ def test_stages_go_on_from_each_other() -> None:
     assert (second[0].iteration, second[0].solves) == (0, first[-1].solves + 1)
     alone = list(optimize(Bars(c=np.linspace(3, 1, 30)), MMA(0.1), start=first[-1].x))
     np.testing.assert_array_equal(second[-1].x, alone[-1].x)
-    with pytest.raises(ValueError, match="no stage"):
+    with pytest.raises(ValueError, match="give a list of one `Stage"):
         continuation([])
