@@ -28,6 +28,8 @@ ASKED = "Where points cross cells because the body deforms, which method is righ
 FOUND = (
     "The bent beam on cells of an eighth of its depth, 3 x 3 points: off by {tent, 3 x 3 points, h = 1/8: |error|} "
     "with the tent, {GIMP, 3 x 3 points, h = 1/8: |error|} with GIMP.",
+    "Along a whole line of designs the tent's objective jumps by up to {tent, all places: largest jump} of itself, "
+    "GIMP's by {GIMP on the fixed background, all places: largest jump}.",
 )
 THEN = ("test_beam", "test_gradients", "test_crossing", "test_hostile")
 
@@ -111,8 +113,8 @@ def open_beam(report: Report) -> None:
             "clamp": ("both components at x <= 0", f"{CHOSEN}; AMPLE holds y at one node"),
             "law": ("Hencky, plane strain, nu = 0.2", AMPLE),
             "cells over the depth": ("2 and 4; 8 in the benchmark", CHOSEN),
-            "points in a cell": ("2 x 2 to 4 x 4", CHOSEN),
-            "load steps": ("8 to 20; 80 in the benchmark", CHOSEN),
+            "points in a cell": ("2 x 2 to 6 x 6", CHOSEN),
+            "load steps": ("8 to 16; 80 in the benchmark", CHOSEN),
             "background": ("1e-5 E", f"{CHOSEN}: a section on it below"),
         },
         h=1 / 2,
