@@ -18,7 +18,6 @@ import pytest
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 
-from mpmtop.arrays import Array
 from mpmtop.solvers import MULTIGRID_FROM, BandedCholesky, MultigridCG, SparseCholesky
 from validation.bodies.scenes import cantilever
 from validation.bodies.sketch import CHOSEN, opening
@@ -277,18 +276,19 @@ def test_multigrid_large(report: Report) -> None:
 def test_crossover(report: Report, progress: ShowProgress) -> None:
     """Where multigrid overtakes sparse Cholesky
 
-    CPU seconds of an iteration of compliance by both solvers, taken in turn: medians of five, after ten iterations.
+    CPU seconds of an iteration of compliance by both solvers, taken in turn: medians of five, after ten iterations. The
+    solver is chosen by size alone, and between 40,000 and 80,000 unknowns the two are too close to call: what counts is
+    what the choice costs over the faster one.
     """
     sizes = (400, 480, 560, 640, 800)
     rows = [iteration_seconds(nx) for nx in progress(sizes, "sizes")]
     table = pd.DataFrame(rows).set_index("unknowns")
     report.timed.table("crossover", table, "CPU seconds of an iteration.", 3)
-    ratio: Array = (table["sparse"] / table["multigrid"]).to_numpy()
-    at = float(np.exp(np.interp(0, np.log(ratio), np.log(table.index.to_numpy()))))
+    chosen = np.where(table.index >= MULTIGRID_FROM, table["multigrid"], table["sparse"])
     report.timing(
-        f"unknowns at which both take the same time, over the {MULTIGRID_FROM:,} from which multigrid is chosen",
-        at / MULTIGRID_FROM,
-        at_least=0.7,
-        at_most=1.4,
-        source="our choice, between machines",
+        f"CPU of an iteration by the chosen solver, multigrid from {MULTIGRID_FROM:,} unknowns on, over the faster "
+        "one's: the largest of all sizes",
+        float(np.max(chosen / table.min(axis=1))),
+        at_most=1.25,
+        source="our aim: the spread between machines",
     )
