@@ -57,6 +57,20 @@ def test_gradient_is_exact(method: str, law: Law, objective: PathObjective) -> N
     assert by_rho @ drho + by_moduli @ dE == pytest.approx(expected, rel=1e-10)
 
 
+@pytest.mark.parametrize("law", LAWS, ids=lambda law: type(law).__name__)
+@pytest.mark.parametrize("method", METHODS)
+def test_gradient_of_sampled_points_is_exact(method: str, law: Law) -> None:
+    """Near the clamp, in the middle and under the load: one by one, to 1e-10 of the largest entry."""
+    cantilever, path, _ = runs(method, law)
+    E, rho, _, _ = fields()
+    found = {o: gradient(o, cantilever, path, rho)[1] for o in OBJECTIVES}
+    for point in (3, 96, 195):
+        stepped = trajectory(cantilever, E + 1j * STEP * (np.arange(200) == point), polish=2)
+        for objective, by_moduli in found.items():
+            expected = objective.value(cantilever, stepped, rho).imag / STEP  # type: ignore[attr-defined]
+            assert by_moduli[point] == pytest.approx(expected, abs=1e-10 * np.abs(by_moduli).max())
+
+
 def test_points_cross_cells_and_change_shape_in_these_runs() -> None:
     cantilever, path, _ = runs("GIMP, stretched", LAWS[0])
     first, last = path.states[0], path.states[-1]
