@@ -130,8 +130,8 @@ def _check_load_steps(scene: Scene, load_steps: int, methods: Iterable[str]) -> 
         raise InvalidScene(f"{METHODS[other[0]]} in load steps: say some of {', '.join(IN_LOAD_STEPS)}")
     if scene.cases or scene.constraints or not isinstance(scene.objective, Compliance):
         raise InvalidScene(
-            "load steps know the compliance of one load case and the volume constraint: leave out `load_steps`, or "
-            "cases, constraints and other objectives"
+            "a comparison in load steps is of the compliance of one load case under the volume constraint: leave out "
+            "`load_steps`, or cases, constraints and other objectives"
         )
 
 

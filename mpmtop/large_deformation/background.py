@@ -63,15 +63,16 @@ class Component:
         i, j = place[row], place[column]
         both = (i >= 0) & (j >= 0)
         n = len(others) + len(last)
-        lu = splu(
-            sp.csc_array((value[both], (i[both], j[both])), shape=(n, n)), permc_spec="NATURAL", options=SYMMETRIC
-        )
+        K = sp.csc_array((value[both], (i[both], j[both])), shape=(n, n))
+        lu = splu(K, permc_spec="NATURAL", options=SYMMETRIC)
         at = lu.perm_c[len(others) :]
         S = _dense(lu.L, at) @ _dense(lu.U, at)
         kept = of_row & of_column & ~(edge[row] & edge[column])
-        grid = np.broadcast_arrays(last[:, None], last)
+        inner = _part(self.entries, kept)
         return Entries(
-            *map(np.concatenate, zip(_part(self.entries, kept), (g.ravel() for g in (*grid, S)), strict=True))
+            np.append(inner.row, np.repeat(last, len(last))),
+            np.append(inner.column, np.tile(last, len(last))),
+            np.append(inner.value, S.ravel()),
         )
 
 

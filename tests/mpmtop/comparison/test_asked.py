@@ -91,7 +91,7 @@ def test_what_cannot_be_asked_is_refused_by_name(asked: dict[str, Any], said: st
 
 def test_load_steps_know_the_compliance_alone() -> None:
     assert isinstance(BEAM.objective, Compliance)
-    with pytest.raises(InvalidScene, match="load steps know the compliance"):
+    with pytest.raises(InvalidScene, match="of the compliance of one load case"):
         ask(replace(BEAM, objective=PNormStress()), load_steps=4)
 
 

@@ -50,13 +50,15 @@ UNIFORM, FROM_LINEAR = STARTS = "uniform", "linear design"
 
 class Run(NamedTuple):
     """Densities (p,) at the points and the method's own objective of the last design that it could analyse; its
-    iterations and analyses; and how the run ended: an outcome of the optimiser, or the error that stopped it."""
+    iterations and analyses; how the run ended: an outcome of the optimiser, or the error that stopped it; and the most
+    Newton steps of a load step of that design, 0 where there are none."""
 
     rho: Array
     objective: float
     iterations: int
     solves: int
     end: str
+    newton: int = 0
 
 
 class Judged(NamedTuple):
@@ -114,7 +116,8 @@ def optimised(method: str, start: str, iterations: int) -> Run:
     rho = last.evaluation.rho
     if method == FEM:
         rho = rho[KDTree(judge().model.fem.centres).query(points().x)[1]]
-    return Run(rho, last.objective, last.iteration, last.solves, end)
+    newton = 0 if method == FEM else max(last.evaluation.path.newton_steps)
+    return Run(rho, last.objective, last.iteration, last.solves, end, newton)
 
 
 def points() -> MaterialPoints:
