@@ -30,7 +30,7 @@ How a design is optimised:
     optimizers      optimize(problem, rule), GCMMA, MMA, OptimalityCriteria, continuation
 
 What is shown:
-    plot            designs, fields, bodies, histories
+    plot            designs, fields, bodies, histories; scenes, by scene_plot
     export          VTU files and back
     fields, at_points                                              what both show, in one form
     page            what the report's pages and a comparison's have in common

@@ -19,10 +19,11 @@ import numpy as np
 
 from mpmtop.arrays import Array
 from mpmtop.at_points import fields_at_points as fields_at_points  # known to `fields` from here on
-from mpmtop.fields import Fields, Layout, fields, layout, scalar
-from mpmtop.outline import surface
-from mpmtop.region import Region
+from mpmtop.fields import Fields, fields, layout, scalar
 from mpmtop.scene import Scene
+from mpmtop.scene_plot import BLUE as BLUE  # colours of both
+from mpmtop.scene_plot import ORANGE as ORANGE
+from mpmtop.scene_plot import draw_scene
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -32,10 +33,8 @@ if TYPE_CHECKING:
 Passed = TypeVar("Passed")
 
 MAP, DIVERGING, DENSITY = "cividis", "PuOr", "gray_r"
-BLUE, ORANGE, GREEN = "#0072b2", "#d55e00", "#009e73"  # of Okabe and Ito's palette
 SIGNED = ("_x", "_y", "_xx", "_yy", "_xy", "_zz")  # endings of the names of fields that have a sign
 DEFORMED = 0.1  # of the body's larger side: how far the largest displacement is drawn
-RASTER = 400  # pixels along the larger side of a body whose outline is drawn
 
 
 def design(model: Any, evaluation: Any, ax: Axes | None = None) -> Axes:
@@ -94,41 +93,11 @@ def history(iterates: Iterable[Any], ax: Axes | None = None) -> Axes:
 
 
 def scene(of: Scene, model: Any = None, ax: Axes | None = None) -> Axes:
-    """The domain, passive parts, supports, all cases' loads; with a `model` its grid and points, or elements."""
-    from matplotlib.lines import Line2D
-    from matplotlib.patches import Patch
-
+    """The domain, its parts, supports of every kind, all loads; with a `model` its grid and points, or elements."""
     ax = _axes(ax)
     lower, upper = of.body.domain.bounds
     sides = upper - lower
-    handles: list[Any] = []
-    _region(ax, of.body.domain, of.body.domain, "0.88")
-    for part, colour, label in (
-        (of.design.passive_solid, "0.45", "passive solid"),
-        (of.design.passive_void, "#f0e442", "passive void"),
-    ):
-        if part is not None:
-            _region(ax, part, of.body.domain, colour)
-            handles.append(Patch(color=colour, label=label))
-    if model is None:
-        for region in (support.region for kind in (of.body.held, of.body.edges) for support in kind):
-            _region(ax, region, of.body.domain, BLUE, reach=0.01)
-        ax.plot(*np.reshape([spring.position for spring in of.body.springs], (-1, 2)).T, "D", color=BLUE)
-    handles += [Patch(color=BLUE, label="support")] if model is None else _discretised(ax, layout(model))
-    span = 0.18 * float(sides.max())
-    acting = (*of.body.loads, *(load for case in of.cases for load in case.loads))
-    for at, force in (arrow for load in acting for arrow in _arrows(load, of.body.domain)):
-        tip = at + span * force / max(float(np.hypot(*force)), np.finfo(float).tiny)
-        ax.annotate(
-            "",
-            tuple(tip),
-            tuple(at),
-            arrowprops={"arrowstyle": "-|>", "color": ORANGE, "linewidth": 2},
-            annotation_clip=False,
-        )
-        ax.update_datalim([tip])
-    handles.append(Line2D([], [], color=ORANGE, marker=">", label="load"))
-    ax.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.18), ncols=3, frameon=False)
+    draw_scene(ax, of, None if model is None else layout(model))
     box = np.array([lower - 0.06 * sides.max(), upper + 0.06 * sides.max()])
     reach = np.vstack([box, ax.dataLim.get_points()]) if np.all(np.isfinite(ax.dataLim.get_points())) else box
     ax.set(xlim=(reach[:, 0].min(), reach[:, 0].max()), ylim=(reach[:, 1].min(), reach[:, 1].max()))
@@ -255,62 +224,6 @@ def _lattice_outline(ax: Axes, place: Array, shape: tuple[int, int], extent: tup
         ends[:, :, a] = (first[a] + size[a] * i)[:, None]
         ends[:, :, 1 - a] = first[1 - a] + size[1 - a] * np.stack([j - 1, j], axis=1)
         ax.add_collection(LineCollection(ends, color=BLUE, linewidth=2.4, zorder=-1, rasterized=True, capstyle="round"))
-
-
-def _region(ax: Axes, region: Region, domain: Region, colour: str, reach: float = 0.0) -> None:
-    """The part of a region in the domain, as pixels; `reach` of the larger side beyond it, for what lies on an edge."""
-    from matplotlib.colors import ListedColormap
-
-    x, shape, extent, tol = _raster(domain, reach)
-    inside = region.contains(x, tol) & domain.contains(x, tol)
-    picture = np.where(inside, 1.0, np.nan).reshape(shape)
-    ax.imshow(picture, cmap=ListedColormap([colour]), origin="lower", extent=extent, interpolation="nearest")
-
-
-def _raster(domain: Region, reach: float) -> tuple[Array, tuple[int, int], tuple[float, float, float, float], float]:
-    """Centres (n, 2) of pixels over a domain's box, their shape (rows, columns) and extent, and `reach` as a length."""
-    lower, upper = domain.bounds
-    tol = reach * float((upper - lower).max())
-    lower, upper = lower - tol, upper + tol
-    columns, rows = np.maximum(np.rint(RASTER * (upper - lower) / (upper - lower).max()).astype(int), 1)
-    fine = (upper - lower) / (columns, rows)
-    x, y = (lower[a] + fine[a] * (np.arange(n) + 0.5) for a, n in enumerate((columns, rows)))
-    at = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-    return at, (rows, columns), (lower[0], upper[0], lower[1], upper[1]), tol
-
-
-def _arrows(load: Any, domain: Region) -> list[tuple[Array, Array]]:
-    """Where a load acts and its force (2,) there: in the mean, but at several places along the outline."""
-    if hasattr(load, "position"):
-        return [(np.array(load.position, float), np.array(load.force, float))]
-    x, _, _, tol = _raster(domain, 0.01)
-    x = x[domain.contains(x, tol)]
-    act = load.act(x, np.ones(len(x)), tol)
-    arrows = [(act.places(x)[0].mean(axis=0), act.carried.sum(axis=0))] if len(act.points) else []
-    by_volume = (part.at(x, tol) for part in act.throughout)
-    arrows += [(x[np.any(force != 0, axis=1)].mean(axis=0), force.sum(axis=0)) for force in by_volume]
-    for piece in act.along:
-        on = surface(domain, piece.region, tuple(np.linspace(*domain.bounds, 9).T))
-        arrows += list(zip(on.x[2::5], piece.traction(on.x, on.normal)[2::5], strict=True))  # one between two cuts
-    return arrows
-
-
-def _discretised(ax: Axes, where: Layout) -> list[Any]:
-    """Lines of the grid or the elements, centres, held nodes; returns what the legend says of them."""
-    from matplotlib.collections import LineCollection
-
-    lines: Any = where.lines
-    ax.add_collection(LineCollection(lines, color="0.65", linewidth=0.4, rasterized=True), autolim=False)
-    points = ax.scatter(
-        where.x[:, 0], where.x[:, 1], s=2, color=GREEN, linewidth=0, rasterized=True, label="points, or element centres"
-    )
-    either = np.any(where.held, axis=1)
-    both = np.all(where.held, axis=1)
-    (x, y), half_held = where.nodes.T, either & ~both
-    full = ax.scatter(x[both], y[both], s=14, marker="s", color=BLUE, label="held nodes")
-    half = ax.scatter(x[half_held], y[half_held], s=18, marker="o", facecolor="none", edgecolor=BLUE)
-    half.set_label("held in one component")
-    return [points, full, half] if np.any(half_held) else [points, full]
 
 
 def _frame_of(figure: Any, ax: Axes, model: Any, iterate: Any, target: Path | None, writer: Any, dpi: int) -> None:

@@ -43,7 +43,7 @@ ORDER = [
     *("filter", "projection", "symmetry", "variables", "cases", "fingerprint", "problem", "planning"),
     *(f"optimizers.{name}" for name in ("protocols", "subproblem", "state", "mma", "gcmma", "optimality_criteria")),
     *(f"optimizers.{name}" for name in ("start", "stopping", "checkpoint", "loop")),
-    *("optimizers", "fields", "at_points", "export", "cloud", "plot"),
+    *("optimizers", "fields", "at_points", "export", "cloud", "scene_plot", "plot"),
     *(
         f"large_deformation.{name}"
         for name in ("law", "kinematics", "background", "assembly", "model", "step", "newton", "steps")
@@ -59,6 +59,7 @@ ORDER = [
 ]
 EXTRA = {
     "export": {"meshio"},
+    "scene_plot": {"matplotlib"},
     "plot": {"matplotlib", "IPython"},
     "page.drawing": {"matplotlib", "cycler"},
     "page.templates": {"jinja2"},

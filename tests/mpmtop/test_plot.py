@@ -13,13 +13,15 @@ import pytest
 from matplotlib.collections import PolyCollection
 
 from mpmtop import plot
-from mpmtop.body import Support
+from mpmtop.body import Bed, Body, EdgeSupport, Material, Part, Spring, Support
+from mpmtop.design import Design
 from mpmtop.fields import SCALARS, fields, rectangles
-from mpmtop.loads import RegionLoad
+from mpmtop.loads import Pressure, RegionLoad, Traction
+from mpmtop.model import discretise
 from mpmtop.optimizers import GCMMA, optimize
 from mpmtop.problem import design_problem as points_problem
 from mpmtop.region import Circle, Difference, Rectangle
-from mpmtop.scene import LoadCase
+from mpmtop.scene import LoadCase, Scene
 from mpmtop.shape_functions import gimp
 from reference_fem.hole import around_hole
 from reference_fem.simp import design_problem
@@ -177,3 +179,33 @@ def test_a_scene_shows_the_loads_of_all_its_cases() -> None:
     cases = tuple(LoadCase((replace(body.loads[0], force=force),)) for force in ((1.0, 0.0), (0.0, 1.0)))
     both = plot.scene(replace(SCENE, body=replace(body, loads=()), cases=cases))
     assert len(both.texts) == 2 * len(plot.scene(SCENE).texts) > 0  # an arrow is an annotation
+
+
+def test_a_scene_shows_parts_and_supports_of_every_kind() -> None:
+    """Each with its own word in the legend; what a body does not have has none."""
+    wide = Rectangle((0, 0), (8, 4))
+    supports = (
+        EdgeSupport(Rectangle((0, 0), (0, 4))),
+        Bed(Rectangle((0, 0), (8, 0)), 0.1, "normal"),
+        Spring((8, 4), 0.2, (1, 0)),
+        Support(Rectangle((8, 0), (8, 1)), (True, False), (0.01, 0.0)),
+    )
+    layers = (
+        Part(Rectangle((0, 2), (8, 4)), Material(10.0, 0.2)),
+        Part(Rectangle((3, 0), (4, 1)), Material(0.1, 0.3)),
+    )
+    loads = (Pressure(Rectangle((0, 4), (8, 4)), 1.0), Traction(Rectangle((8, 1), (8, 4)), lambda x: 0 * x + [0, 1]))
+    body = Body(wide, supports, loads, parts=layers)
+    for model in (None, discretise(body, 1.0)):
+        ax = plot.scene(Scene("all", body, Design(0.5, 1.0)), model)
+        said = [text.get_text() for text in ax.get_legend().get_texts()]
+        kinds = ["held along the edge", "elastic bed", "spring", "load", "displaced"]
+        assert said[:2] == ["E0 = 10, nu = 0.2", "E0 = 0.1, nu = 0.3"] and said[-5:] == kinds
+        hatched = [c.hatches for c in ax.collections if getattr(c, "hatches", [None])[0]]
+        assert hatched == [["//"], ["xx"]]
+        edge, bed, spring = (line for line in ax.lines if str(line.get_label()) in kinds)
+        assert set(np.asarray(edge.get_xdata())) == {0.0} and set(np.asarray(bed.get_ydata())) == {0.0}
+        assert (list(spring.get_xdata()), list(spring.get_ydata())) == ([8.0], [4.0])
+        assert len(ax.texts) > 10  # of the pressure, the traction and the displacement
+    plain = plot.scene(Scene("plain", Body(wide, (Support(Rectangle((-1, 0), (0, 4))),), loads[:1]), Design(0.5, 1.0)))
+    assert [text.get_text() for text in plain.get_legend().get_texts()] == ["support", "load"]
