@@ -48,7 +48,7 @@ ORDER = [
         f"large_deformation.{name}"
         for name in ("law", "kinematics", "background", "assembly", "model", "step", "newton", "steps")
     ),
-    *(f"large_deformation.{name}" for name in ("adjoint", "objectives", "problem")),
+    *(f"large_deformation.{name}" for name in ("adjoint", "objectives", "at_points", "problem")),
     "large_deformation",
     *(
         f"comparison.{name}"

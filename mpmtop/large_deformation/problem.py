@@ -11,6 +11,7 @@ from mpmtop.criteria import AtMost, Compliance
 from mpmtop.design import Design, physical_densities
 from mpmtop.errors import InvalidScene, LoadOutsideBody, NotConverged, PointOutsideGrid, UnsupportedBody
 from mpmtop.fingerprint import digits, words
+from mpmtop.large_deformation.at_points import fields_of_steps as fields_of_steps  # known to `fields` from here on
 from mpmtop.large_deformation.model import Model, in_case
 from mpmtop.large_deformation.objectives import EndCompliance, PathObjective, check_objective, gradient
 from mpmtop.large_deformation.steps import Trajectory, trajectory
@@ -38,6 +39,11 @@ class Evaluation:
     def path(self) -> Trajectory:
         """The trajectory, in the first load case."""
         return self.paths[0]
+
+    @property
+    def state(self) -> Trajectory:
+        """What `mpmtop.plot` and `mpmtop.export` show: the trajectory, in the first load case."""
+        return self.path
 
 
 @dataclass(frozen=True, eq=False)
