@@ -13,7 +13,12 @@ from mpmtop.stiffness import CellMap
 
 
 def plan(problem: DesignProblem) -> str:
-    """What an analysis of the problem computes and what it skips, and why: one line each, to print."""
+    """What an analysis of the problem computes and what it skips, and why: one line each, to print.
+
+    TypeError for problems of another kind: load steps and elements compute all that they are asked for.
+    """
+    if not isinstance(problem, DesignProblem):
+        raise TypeError(f"a plan of {type(problem).__name__}: give a DesignProblem, of material points at small strain")
     model = problem.model
     total, active = int(np.prod(model.grid.nodes)), len(model.transfer.nodes)
     held = 2 * active - len(model.stiffness.dof)

@@ -22,6 +22,7 @@ from mpmtop.large_deformation.problem import LoadStepProblem
 from mpmtop.large_deformation.steps import Trajectory, trajectory
 from mpmtop.loads import BodyForce, Pressure, RegionLoad, Traction, Weight
 from mpmtop.optimizers import GCMMA, Stage, continuation, optimize
+from mpmtop.planning import plan
 from mpmtop.region import Rectangle
 from mpmtop.scene import LoadCase
 from tests.mpmtop.large_deformation.cases import INF, cantilever
@@ -161,6 +162,11 @@ def test_an_objective_of_ones_own() -> None:
 def test_what_a_problem_of_load_steps_does_not_know(change: dict[str, Any], match: str) -> None:
     with pytest.raises(InvalidScene, match=match):
         problem(**change)
+
+
+def test_plans_are_of_small_strain() -> None:
+    with pytest.raises(TypeError, match="give a DesignProblem"):
+        plan(problem())  # type: ignore[arg-type]
 
 
 def test_design_grids_and_passive_void_are_checked_in_every_case() -> None:
