@@ -15,6 +15,7 @@ from mpmtop.fields import rectangles
 from mpmtop.points import MaterialPoints, seed
 from mpmtop.region import Region
 from mpmtop.scene import Scene
+from mpmtop.scene_plot import arrows_of, draw_parts
 from validation.bodies.scenes import SPACING, H
 from validation.harness.report import Report
 from validation.measures.drawing import draw_points
@@ -120,6 +121,7 @@ def draw(
     lines = [[(x * h, first[1] * h), (x * h, last[1] * h)] for x in range(first[0], last[0] + 1)]
     lines += [[(first[0] * h, y * h), (last[0] * h, y * h)] for y in range(first[1], last[1] + 1)]
     ax.add_collection(LineCollection(lines, colors="0.75", linewidths=0.3, rasterized=True))
+    draw_parts(ax, body)
     dot = max(0.05, 4e3 / max(len(points.x), 1) ** 1.2)
     ax.scatter(points.x[:, 0], points.x[:, 1], s=dot, color="#0072b2", linewidths=0, rasterized=True)
     axes = (np.arange(a, b + 1) * h for a, b in zip(first, last, strict=True))
@@ -149,15 +151,21 @@ def arrows(ax: plt.Axes, body: Body, points: MaterialPoints, reach: float) -> No
     few = len(loads) < FEW
     style = {"arrowstyle": "-|>", "color": "#000000", "linewidth": 1.6 if few else 0.5}
     style |= {"mutation_scale": 14 if few else 4, "shrinkA": 0, "shrinkB": 0}
-    largest = max(float(np.linalg.norm(load.force)) for load in loads)
+    acting = []
     for load in loads:
         if hasattr(load, "position"):
-            places = np.array([load.position])
+            acting.append((np.array([load.position]), np.array([load.force])))
+        elif hasattr(load, "region") and load.act(points.x, points.volume, 1e-9).along:
+            pairs = arrows_of(load, body.domain)
+            acting.append((np.array([at for at, _ in pairs]), np.array([t for _, t in pairs])))
         else:
             carrying = points.x[load.region.contains(points.x, 1e-9)]
             columns = np.linspace(carrying[:, 0].min(), carrying[:, 0].max(), 7 if np.ptp(carrying[:, 0]) else 1)
             places = np.column_stack([columns, np.full(len(columns), carrying[:, 1].max())])
-        starts = places - reach * np.array(load.force) / largest
+            acting.append((places, np.tile(load.force, (len(places), 1))))
+    largest = max((float(np.linalg.norm(force, axis=1).max()) for _, force in acting), default=1.0)
+    for places, force in acting:
+        starts = places - reach * force / largest
         for place, start in zip(places, starts, strict=True):
             ax.annotate("", tuple(place), tuple(start), arrowprops=style, annotation_clip=False, zorder=4)
         ax.update_datalim(np.vstack([places, starts]))

@@ -5,6 +5,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from mpmtop.arrays import Array
 from mpmtop.body import Body, EdgeSupport, Material
 from mpmtop.equilibrium import equilibrium
 from mpmtop.grid import Grid
@@ -25,8 +26,8 @@ ANGLES = (20.0, 30.0, 45.0)
 SIZES = (0.5, 0.25, 0.125)
 
 
-def cantilever(h: float, degrees: float, ppc: int, function: ShapeFunction, cut: bool = False) -> float:
-    """Compliance, relative to CLAMPED less one, of the cantilever, turned with its points or `cut` out of the grid."""
+def turned(degrees: float) -> tuple[Body, Array]:
+    """The cantilever at an angle to the grid, and the rotation (2, 2) that turns it."""
     t = np.radians(degrees)
     R = np.array([[np.cos(t), -np.sin(t)], [np.sin(t), np.cos(t)]])
 
@@ -37,7 +38,12 @@ def cantilever(h: float, degrees: float, ppc: int, function: ShapeFunction, cut:
     across, along = R @ (0.0, -1.0), R @ (1.0, 0.0)
     load = RegionLoad(box(LENGTH - 1), (float(across[0]), float(across[1])))
     edge = EdgeSupport(HalfPlane((0, 0), (float(along[0]), float(along[1]))))
-    body = Body(box(0.0), (edge,), (load,), Material(1.0, NU))
+    return Body(box(0.0), (edge,), (load,), Material(1.0, NU)), R
+
+
+def cantilever(h: float, degrees: float, ppc: int, function: ShapeFunction, cut: bool = False) -> float:
+    """Compliance, relative to CLAMPED less one, of the cantilever, turned with its points or `cut` out of the grid."""
+    body, R = turned(degrees)
     if cut:
         model = quiet(body, h, ppc, function, cut=True)
     else:

@@ -10,19 +10,24 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from mpmtop import plot
 from mpmtop.arrays import Array
 from mpmtop.at_points import fields_at_points
 from mpmtop.body import Body, Material, Support
+from mpmtop.design import Design
 from mpmtop.equilibrium import equilibrium
 from mpmtop.loads import Pressure, Weight
 from mpmtop.points import seed
 from mpmtop.region import Circle, Difference, Intersection, Rectangle
+from mpmtop.scene import Scene
 from mpmtop.shape_functions import ShapeFunction, bspline2, bspline3, gimp, tent
 from reference_fem import elasticity
+from validation.bodies.sketch import CHOSEN
 from validation.harness.lock import Lock
 from validation.harness.report import Report
 from validation.measures.orders import observed_order
 from validation.studies.loads_and_supports.bodies import quiet
+from validation.studies.loads_and_supports.test_clamps import turned
 
 ASKED = "Do loads and supports act where the body says, wherever the grid's lines run?"
 THEN = ("test_clamps", "test_materials")
@@ -79,6 +84,26 @@ def hole_on_stairs(h: float) -> float:
     return float(np.sqrt(4 * lacking * side**2 / np.pi)) / INNER - 1
 
 
+def opening(report: Report) -> None:
+    """The two bodies that fit no grid, on one, with points cut along their outlines."""
+    figure, axes = plt.subplots(1, 2, figsize=(7.2, 3.4))
+    bodies = {"ring under pressure": RING, "cantilever at 30 degrees": turned(30.0)[0]}
+    for ax, (name, body) in zip(axes, bodies.items(), strict=True):
+        plot.scene(Scene(name, body, Design(1.0, 1.0)), quiet(body, 1.0, CUT_POINTS, tent, cut=True), ax)
+        ax.get_legend().remove()
+    caption = (
+        "Blue: held, by nodes (circles in one component, squares) or along the edge; orange: loads. Cells of h = 1."
+    )
+    report.opening.figure("scene", figure, caption)
+    rows = {
+        "ring": "radii 4 and 8, a quarter on rollers, pressure 1, nu = 0.3, plane strain",
+        "cantilever": "8 x 2 at 20, 30 and 45 degrees, nu = 0.3, plane strain, force 1 over its last unit",
+        "bar": "8 x 4, clamped between two lines of the grid, nu = 0",
+    }
+    table = pd.DataFrame({"value": list(rows.values()), "source": CHOSEN}, index=pd.Index(rows, name="parameter"))
+    report.opening.table("parameters", table, "Parameters; E0 = 1 unless stated.")
+
+
 def test_ring(report: Report, lock: Lock) -> None:
     """Lame's ring under inner pressure
 
@@ -87,6 +112,7 @@ def test_ring(report: Report, lock: Lock) -> None:
     hoop stress at the hole is read by a parabola through the points within two cells of it: the stress of a single
     point of the stairs is that of a corner.
     """
+    opening(report)
     kinds = {"tent": (tent, False), "gimp": (gimp, False), "tent, cut": (tent, True)}
     rows = {(name, h): ring(h, *how) for name, how in kinds.items() for h in RING_SIZES}
     fem = {("Q1, one for each point", h): (q1_ring(h / 4), np.nan) for h in RING_SIZES[1:]}
