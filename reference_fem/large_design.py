@@ -16,6 +16,8 @@ import numpy as np
 from mpmtop.arrays import Array
 from mpmtop.design import physical_densities
 from mpmtop.errors import InvalidScene
+from mpmtop.fields import Layout, layout
+from reference_fem.at_elements import layout_of_elements
 from reference_fem.large_deformation import LargeModel, load_steps, von_mises
 from reference_fem.objectives import p_norm
 from reference_fem.simp import DesignProblem, simp
@@ -30,6 +32,12 @@ def nonlinear_fraction(rho: Array, penal: float) -> tuple[Array, Array]:
     at = np.tanh(STEEPNESS * (rho**penal - STEP))
     slope = STEEPNESS * (1 - at**2) * penal * rho ** (penal - 1)
     return (np.tanh(STEEPNESS * STEP) + at) / whole, slope / whole
+
+
+@layout.register
+def layout_of_elements_at_rest(model: LargeModel) -> Layout:
+    """The elements at rest, for `mpmtop.plot.design`."""
+    return layout_of_elements(model.fem)
 
 
 @dataclass(frozen=True, eq=False)

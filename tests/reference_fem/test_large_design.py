@@ -2,9 +2,11 @@
 
 from dataclasses import replace
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
+from mpmtop import plot
 from mpmtop.design import Design, Mirror, Projection
 from mpmtop.errors import InvalidScene
 from mpmtop.large_deformation.law import Hencky, Law, NeoHookean
@@ -51,6 +53,13 @@ def test_gradient_is_that_of_difference_quotients(objective: PathObjective, law:
     J = [of.analyse(rho + t * h * d).objective for t in (-2, -1, 1, 2)]
     quotient = (J[0] - 8 * J[1] + 8 * J[2] - J[3]) / (12 * h)
     assert exact == pytest.approx(quotient, rel=1e-7)  # 1e-16 / h of J, whose slope along d is of its size
+
+
+def test_designs_are_drawn() -> None:
+    of = problem(OBJECTIVES[0])
+    axes = plot.design(of.model, of.evaluate(of.x0))
+    plt.close(axes.figure)  # type: ignore[arg-type]
+    assert axes.get_xlim()[1] >= 20 and axes.get_ylim()[1] >= 10
 
 
 @pytest.mark.parametrize(("law", "principal"), LAWS)
