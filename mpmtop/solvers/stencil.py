@@ -68,12 +68,18 @@ class Blocks:
         """The operator between like components, and from each to the other one, its image at the place of the first.
 
         SciPy stores diagonals by column. K is symmetric: its entries by row are these, with opposite offsets, so that
-        nothing is copied, and no index is read.
+        nothing is copied, and no index is read. But where the lattice is narrower than the stencil: two nodes of it are
+        equally far in a vector then, one of them always beyond the lattice, with a zero.
         """
         size = self.stencil.size
-        return [
-            sp.dia_array((part.reshape(-1, size), -self.stencil.offset), shape=(size, size)) for part in self.entries
-        ]
+        entries, offset = self.entries.reshape(2, -1, size), self.stencil.offset
+        distinct, which = np.unique(offset, return_inverse=True)
+        if len(distinct) < len(offset):
+            merged = np.zeros((2, len(distinct), size), entries.dtype)
+            for k, place in enumerate(which):
+                merged[:, place] += entries[:, k]
+            entries, offset = merged, distinct
+        return [sp.dia_array((part, -offset), shape=(size, size)) for part in entries]
 
     def __matmul__(self, u: Array) -> Array:
         """K u of a vector (2 nodes,)."""

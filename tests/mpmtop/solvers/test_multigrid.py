@@ -17,7 +17,7 @@ from mpmtop.optimizers import MMA, optimize
 from mpmtop.planning import plan
 from mpmtop.problem import DesignProblem, design_problem
 from mpmtop.region import Circle, Difference, Rectangle
-from mpmtop.shape_functions import bspline2, bspline3, gimp
+from mpmtop.shape_functions import ShapeFunction, bspline2, bspline3, gimp, tent
 from mpmtop.solvers import MAX_ITERATIONS, BandedCholesky, Lattice, MultigridCG, SparseCholesky, multigrid
 from mpmtop.solvers.multigrid import coarsening, coarsest_of, v_cycle
 from mpmtop.solvers.multigrid_cg import IteratedSolve
@@ -151,6 +151,22 @@ def test_one_coarse_level_at_least() -> None:
     assert [step.P.shape for step in coarsening((81, 41), (1.0, 1.0))] == [(2 * 81 * 41, 2 * 41 * 21)]
     assert len(coarsening((81, 41), (1.0, 1.0), coarsest=2_000)) == 1
     assert len(coarsening((81, 41), (1.0, 1.0), coarsest=1_000)) == 2
+
+
+@pytest.mark.parametrize(("shape_function", "depth"), [(tent, 1), (bspline2, 1), (bspline2, 2), (bspline3, 1)])
+def test_narrower_than_the_stencil(shape_function: ShapeFunction, depth: int) -> None:
+    """A bar of one or two rows of cells: the lattice has fewer lines than the functions couple."""
+    scene = cantilever(24, depth)
+    ours, direct = (discretise(scene.body, 1.0, 2, shape_function, solver=solver) for solver in (DEEP, BandedCholesky))
+    moduli = np.random.default_rng(1).uniform(0.1, 1, len(ours.points.x))
+    assert_same(equilibrium(ours, moduli), equilibrium(direct, moduli), direct)
+    K, _ = operator(ours, moduli)
+    u = np.random.default_rng(2).normal(size=len(direct.f_ext))
+    u[np.setdiff1d(np.arange(len(u)), direct.stiffness.dof)] = 0
+    at = places(ours.solver.lattice, ours.solver.pattern.row, ours.solver.pattern.col).unknown  # type: ignore[attr-defined]
+    whole = np.zeros(K.stencil.size)
+    whole[at] = u[ours.stiffness.dof]
+    np.testing.assert_allclose((K @ whole)[at], direct.resistance(moduli, u)[ours.stiffness.dof], rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize(("name", "levels"), [("tent", 2), ("notch", 1)])
