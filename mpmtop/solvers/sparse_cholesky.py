@@ -16,7 +16,9 @@ from functools import cached_property, partial
 from typing import ClassVar
 
 import numpy as np
-from scipy.linalg import get_blas_funcs, get_lapack_funcs
+from scipy.linalg import get_blas_funcs
+from scipy.linalg.blas import dsyrk, dtrsm
+from scipy.linalg.lapack import dpotrf, dtrtri
 
 from mpmtop.arrays import Array, Index, distinct
 from mpmtop.solvers.checked import checked_factor
@@ -59,12 +61,12 @@ class SparseCholesky:
         solve, pivot, diagonal = self.unchecked(data)
         return checked_factor(solve, diagonal, pivot / diagonal)
 
-    def unchecked(self, data: Array) -> tuple[Solve, Array, Array]:
-        """Factorisation, its pivots and K's diagonal, (m,) each, in the precision of the data; SingularMatrix only
-        where no pivot is left."""
+    def unchecked(self, data: Array, dtype: type[np.floating] = np.float64) -> tuple[Solve, Array, Array]:
+        """Factorisation, its pivots and K's diagonal, (m,) each; SingularMatrix only where no pivot is left. L is kept,
+        and solved with, in a `dtype`."""
         order, levels, place, size = self.analysis
         groups = [group for level in levels for group in level.groups]
-        values = np.zeros(size, data.dtype)
+        values = np.zeros(size)
         values[place] = data
         diagonal = self._diagonal(groups, values)
         if np.min(diagonal) <= 0:
@@ -73,16 +75,15 @@ class SparseCholesky:
         if failed is not None:
             raise SingularMatrix(int(order[failed]))
         pivot = self._diagonal(groups, values) ** 2
-        trtri = get_lapack_funcs("trtri", dtype=values.dtype)
         for group in groups:
             if group.pivots.shape[1] <= INVERTED:
                 for L11 in group.columns(values)[0]:
-                    trtri(L11.T, lower=1, overwrite_c=1)
-        return partial(_solve, self.analysis, values), pivot, diagonal
+                    dtrtri(L11.T, lower=1, overwrite_c=1)
+        return partial(_solve, self.analysis, values.astype(dtype, copy=False)), pivot, diagonal
 
     def _diagonal(self, groups: Sequence[Alike], values: Array) -> Array:
         """What is on the diagonal of all L11, by unknown (m,)."""
-        diagonal = np.empty(self.pattern.m, values.dtype)
+        diagonal = np.empty(self.pattern.m)
         for group in groups:
             L11 = group.columns(values)[0]
             diagonal[self.analysis.order[group.pivots]] = np.diagonal(L11, axis1=1, axis2=2)
@@ -109,26 +110,24 @@ def _positions(pattern: Pattern) -> Array:
 
 def _eliminate(groups: Sequence[Alike], values: Array) -> int | None:
     """Turn the values of K into those of L; the unknown, by its place in the order, that has no positive pivot."""
-    potrf = get_lapack_funcs("potrf", dtype=values.dtype)
-    trsm, syrk = get_blas_funcs(("trsm", "syrk"), dtype=values.dtype)
     updates: dict[int, Array] = {}  # (k, nb, nb) of groups that are still to come, triangles by columns
     for number, group in enumerate(groups):
         L11, L21 = group.columns(values)
         for k, L in enumerate(L11):
-            failed = potrf(L.T, lower=1, clean=0, overwrite_a=1)[1]
+            failed = dpotrf(L.T, lower=1, clean=0, overwrite_a=1)[1]
             if failed:
                 return int(group.pivots[k, 0]) + failed - 1
         nb = L21.shape[2]
         if nb == 0:
             continue
-        update = updates.pop(number) if number in updates else np.zeros((len(L11), nb, nb), values.dtype)
+        update = updates.pop(number) if number in updates else np.zeros((len(L11), nb, nb))
         for L, below, left in zip(L11, L21, update, strict=True):
-            trsm(1.0, L.T, below.T, side=1, lower=1, trans_a=1, overwrite_b=1)
-            syrk(-1.0, below.T, beta=1.0, c=left.T, lower=1, overwrite_c=1)
+            dtrsm(1.0, L.T, below.T, side=1, lower=1, trans_a=1, overwrite_b=1)
+            dsyrk(-1.0, below.T, beta=1.0, c=left.T, lower=1, overwrite_c=1)
         for passed in group.passed:
             up11, up21 = groups[passed.group].columns(values)
             if passed.group not in updates:
-                updates[passed.group] = np.zeros((len(up21), up21.shape[2], up21.shape[2]), values.dtype)
+                updates[passed.group] = np.zeros((len(up21), up21.shape[2], up21.shape[2]))
             _add(passed, update, up11, up21, updates[passed.group])
     return None
 
