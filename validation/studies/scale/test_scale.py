@@ -116,7 +116,7 @@ def recorded(report: Report, runs: Runs, fit_from: int) -> dict[str, dict[str, f
     return fitted
 
 
-@pytest.mark.benchmark
+@pytest.mark.slow
 def test_phases(report: Report, progress: ShowProgress) -> None:
     """Phases of an iteration
 
