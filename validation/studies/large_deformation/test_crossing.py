@@ -66,7 +66,7 @@ def test_cost(report: Report) -> None:
 
     CPU seconds of eight load steps by GIMP, of their gradient and of one linear analysis of the same points, side by
     side, by size: the cantilever of the line of designs, moduli other ones every time. Beside them the same levels by
-    one bilinear element for each point, total Lagrange.
+    one bilinear element for each point, total Lagrange. The gradient's share is asked of 3,200 points and more.
     """
     _record(report, "cost", [spent(2.0, elements=True), spent(1.0, elements=True, repeats=1)])
 
@@ -88,7 +88,8 @@ def _record(report: Report, name: str, sizes: list[Spent]) -> None:
         report.timing(
             f"gradient by load steps, {n}",
             size.gradient / size.forward,
-            at_most=0.4,
+            # where calls cost as much as sums, a crowded machine decides
+            at_most=0.4 if size.points >= ASKED_OF else None,
             source="one factorisation a step, beside one for each Newton step",
             why="three Newton steps and more, and second derivatives of the weights beside the assembly's pattern",
         )
