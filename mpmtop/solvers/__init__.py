@@ -29,11 +29,10 @@ SPARSE_FROM = 25_000
 """Unknowns from which sparse Cholesky was measured faster than the banded one (one thread, 2:1 body: half as fast at
 10,200, the same to 3 % at 22,800 and 40,400, 1.4 times at 63,000)."""
 MULTIGRID_FROM = 100_000
-"""Unknowns from which multigrid is tried before sparse Cholesky. A choice: for compliance after ten iterations the two
-are too close to call from 40,000 to 80,000 (the scale study, `make benchmark`). What multigrid takes moves with the
-design, 6 to 16 cycles for designs of an optimisation of compliance at 251,000 unknowns, 9 to 32 to a p-norm's
-tolerance; a factorisation's price does not. An adjoint, for which a direct solver pays next to nothing, moves the
-crossover up."""
+"""Unknowns from which multigrid is tried before sparse Cholesky: a choice, on the side of the one that never iterates
+(the scale study times both, `make benchmark`). What multigrid takes moves with the design, 6 to 16 cycles for designs
+of an optimisation of compliance at 251,000 unknowns, 9 to 32 to a p-norm's tolerance; a factorisation's price does not.
+An adjoint, for which a direct solver pays next to nothing, moves the crossover up."""
 
 
 def choose_solver(pattern: Pattern) -> Solver:

@@ -277,8 +277,7 @@ def test_crossover(report: Report, progress: ShowProgress) -> None:
     """Where multigrid overtakes sparse Cholesky
 
     CPU seconds of an iteration of compliance by both solvers, taken in turn: medians of five, after ten iterations. The
-    solver is chosen by size alone, and between 40,000 and 80,000 unknowns the two are too close to call: what counts is
-    what the choice costs over the faster one.
+    solver is chosen by size alone: what counts is what the choice costs over the faster one.
     """
     sizes = (400, 480, 560, 640, 800)
     rows = [iteration_seconds(nx) for nx in progress(sizes, "sizes")]
@@ -289,5 +288,5 @@ def test_crossover(report: Report, progress: ShowProgress) -> None:
         f"CPU of an iteration by the chosen solver, multigrid from {MULTIGRID_FROM:,} unknowns on, over the faster "
         "one's: the largest of all sizes",
         float(np.max(chosen / table.min(axis=1))),
-        source="for comparison: near the crossing either will do",
+        source="for comparison",
     )
