@@ -9,7 +9,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("MKL_NUM_THREADS", "1")
 # Some hundred iterations of an optimiser turn a last bit of a sum into a per mille of the objective. With kernels that
-# # x86-64 processors have had for ten years the report is the same on all of them, and as fast as with their own.
+# x86-64 processors have had for ten years the report is the same on all of them, and as fast as with their own.
 if "PYTEST_XDIST_WORKER" not in os.environ:  # a worker has those of the run
     _processor = Path("/proc/cpuinfo")
     _older = _processor.exists() and "avx2" not in _processor.read_text("utf-8")
