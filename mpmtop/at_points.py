@@ -16,20 +16,12 @@ def layout_of_points(model: Model) -> Layout:
     points, grid, nodes = model.points, model.grid, model.transfer.nodes
     held = np.ones(2 * len(nodes), bool)
     held[model.stiffness.dof] = False
-    lower = np.array(grid.origin)
-    upper = lower + np.multiply(grid.h, grid.cells)
-    lines = []
-    for a, count in enumerate(grid.cells):
-        ends = np.empty((count + 1, 2, 2))
-        ends[:, :, a] = np.linspace(lower[a], upper[a], count + 1)[:, None]
-        ends[:, :, 1 - a] = lower[1 - a], upper[1 - a]
-        lines.append(ends)
     return Layout(
         x=points.x,
         half_length=points.half_length,
         volume=points.volume,
         corners=rectangles(points.x, points.half_length),
-        lines=np.concatenate(lines),
+        lines=grid.segments,
         nodes=grid.node_positions(nodes),
         held=held.reshape(-1, 2),
         load=model.f_ext.reshape(-1, 2),

@@ -49,8 +49,14 @@ class Grid:
         (ox, oy), (hx, hy), (nx, ny) = self.origin, self.h, self.nodes
         return ox + hx * np.arange(nx, dtype=float), oy + hy * np.arange(ny, dtype=float)
 
+    @property
+    def segments(self) -> Array:
+        """Ends (m, 2, 2) of all lines, from edge to edge of the grid: those across x, then those across y."""
+        node = np.arange(np.prod(self.nodes)).reshape(self.nodes)
+        return self.node_positions(np.concatenate([node[:, [0, -1]], node[[0, -1]].T]))
+
     def node_positions(self, index: Index | None = None) -> Array:
-        """Positions (n, 2) of the nodes of the given indices (n,), or of all."""
+        """Positions (..., 2) of the nodes of the given indices (...), or (n, 2) of all."""
         index = np.arange(np.prod(self.nodes)) if index is None else index
         return np.stack(np.divmod(index, self.nodes[1]), axis=-1) * self.h + self.origin
 

@@ -14,20 +14,12 @@ from mpmtop.large_deformation.steps import Trajectory
 def layout_of_steps(model: Model) -> Layout:
     """Rectangles of the points where they start, lines of the box, and all of its nodes."""
     points, grid = model.points, model.grid
-    lower = np.array(grid.origin)
-    upper = lower + np.multiply(grid.h, grid.cells)
-    lines = []
-    for a in (0, 1):
-        ends = np.empty((grid.nodes[a], 2, 2))
-        ends[:, :, a] = grid.lines[a][:, None]
-        ends[:, :, 1 - a] = lower[1 - a], upper[1 - a]
-        lines.append(ends)
     return Layout(
         x=points.x,
         half_length=points.half_length,
         volume=points.volume,
         corners=rectangles(points.x, points.half_length),
-        lines=np.concatenate(lines),
+        lines=grid.segments,
         nodes=grid.node_positions(),
         held=(model.unknown < 0).reshape(-1, 2),
         load=operators(model, start(model)).N.T @ model.force,
