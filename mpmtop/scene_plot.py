@@ -166,4 +166,4 @@ def _discretised(ax: Axes, where: Layout) -> list[Any]:
     full = ax.scatter(x[both], y[both], s=14, marker="s", color=BLUE, label="held nodes")
     half = ax.scatter(x[half_held], y[half_held], s=18, marker="o", facecolor="none", edgecolor=BLUE)
     half.set_label("held in one component")
-    return [points, full, half] if np.any(half_held) else [points, full]
+    return [points, *(marks for marks, held in ((full, both), (half, half_held)) if np.any(held))]

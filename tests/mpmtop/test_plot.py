@@ -201,6 +201,7 @@ def test_a_scene_shows_parts_and_supports_of_every_kind() -> None:
         said = [text.get_text() for text in ax.get_legend().get_texts()]
         kinds = ["held along the edge", "elastic bed", "spring", "load", "displaced"]
         assert said[:2] == ["E0 = 10, nu = 0.2", "E0 = 0.1, nu = 0.3"] and said[-5:] == kinds
+        assert said[2:-5] == (["support"] if model is None else ["points, or element centres", "held in one component"])
         hatched = [c.hatches for c in ax.collections if getattr(c, "hatches", [None])[0]]
         assert hatched == [["//"], ["xx"]]
         edge, bed, spring = (line for line in ax.lines if str(line.get_label()) in kinds)
