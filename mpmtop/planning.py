@@ -5,6 +5,7 @@ import scipy.sparse as sp
 
 from mpmtop.cases import shared_with
 from mpmtop.criteria import Worst
+from mpmtop.cut import WHOLE
 from mpmtop.loads import action
 from mpmtop.model import Model
 from mpmtop.problem import DesignProblem
@@ -28,6 +29,7 @@ def plan(problem: DesignProblem) -> str:
     passive = f"{np.count_nonzero(space.solid)} are passive solid, {np.count_nonzero(space.void)} passive void"
     lines = [
         f"design variables: {n} of {p} points; {'none is passive' if space.all_active else passive}",
+        *_point_plan(model),
         f"nodes: {active} of {total} get degrees of freedom; no point touches the others",
         f"unknowns: {len(model.stiffness.dof)}; {held} degrees of freedom are held and never assembled",
         f"stencil ({model.shape_function.__name__}): {np.mean(touched):.2f} nodes for a point on average; "
@@ -51,6 +53,14 @@ def plan(problem: DesignProblem) -> str:
         ),
     ]
     return "\n".join(lines)
+
+
+def _point_plan(model: Model) -> list[str]:
+    """How many points are cut along the outline, where some are."""
+    points = model.points
+    pieces = np.count_nonzero(points.volume < (1 - WHOLE) * np.prod(2 * points.half_length, axis=1))
+    said = f"points: {pieces} of {len(points.volume)} are cut along the outline, each at the centroid of its piece"
+    return [said] if pieces else []
 
 
 def _support_plan(model: Model) -> list[str]:

@@ -15,7 +15,8 @@ from mpmtop.errors import EmptyDomain, InvalidScene
 from mpmtop.grid import Grid
 from mpmtop.loads import PointLoad, Pressure, Traction
 from mpmtop.model import Model, discretise
-from mpmtop.points import MaterialPoints, seed
+from mpmtop.planning import plan
+from mpmtop.points import seed
 from mpmtop.problem import design_problem
 from mpmtop.region import Circle, Difference, HalfPlane, Intersection, LevelSet, Polygon, Rectangle, Region, Union
 from mpmtop.scene import Scene
@@ -192,12 +193,13 @@ def test_named() -> None:
         discretise(Body(disc, (Support(Rectangle((-1, -1), (0, 1))),)), 0.5, cut=True)
 
 
-def test_a_spacing_that_divides_nothing_is_taken() -> None:
-    domain = Rectangle((0, 0), (L, W))
-    points: MaterialPoints = discretise(
-        Body(domain, (Support(Rectangle((-1, 0), (0, W))),), (PointLoad((L, 2), (0, -1.0)),)), 0.7, cut=True
-    ).points
-    assert points.volume.sum() == pytest.approx(L * W, rel=1e-12)
+def test_a_spacing_that_divides_nothing_is_taken_and_the_plan_says_so() -> None:
+    """Sides of 22.9 and 11.4 rectangles: the last column of 12 and the last row of 23 are pieces. None is on a grid
+    that fits."""
+    body = Body(Rectangle((0, 0), (L, W)), (Support(Rectangle((-1, 0), (0, W))),), (PointLoad((L, 2), (0, -1.0)),))
+    odd, fitting = (design_problem(Scene("beam", body, Design(0.5, 1.0)), h, cut=True) for h in (0.7, 0.5))
+    assert odd.model.points.volume.sum() == pytest.approx(L * W, rel=1e-12)
+    assert "points: 34 of 276 are cut along the outline" in plan(odd) and "cut along" not in plan(fitting)
 
 
 def test_bspline_in_an_oblique_bar() -> None:
