@@ -26,6 +26,7 @@ import time
 from collections import Counter
 from collections.abc import Generator, Iterable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import matplotlib as mpl
@@ -105,15 +106,26 @@ def pytest_configure(config: pytest.Config) -> None:
     mpl.use("Agg")
     mpl.style.use(STYLE)
     config.stash[RUN] = Run()
-    if FOLDER not in os.environ:  # a worker has that of the run
-        os.environ[FOLDER] = tempfile.mkdtemp(prefix="mpmtop-")
-        config.add_cleanup(_forget_shared)
+    _share(config)
     for fixtures in (asked, lock, progress):
         config.pluginmanager.register(fixtures, fixtures.__name__)
 
 
-def _forget_shared() -> None:
-    shutil.rmtree(os.environ.pop(FOLDER), ignore_errors=True)
+def _share(config: pytest.Config) -> None:
+    """A folder for the runs that studies share, new in every session whatever a shell or a session around this one has
+    set; a worker takes that of its session."""
+    given = getattr(config, "workerinput", {}).get(FOLDER)
+    folder = given or tempfile.mkdtemp(prefix="mpmtop-")
+    environment = pytest.MonkeyPatch()
+    environment.setenv(FOLDER, folder)
+    config.add_cleanup(environment.undo)
+    if not given:
+        config.add_cleanup(partial(shutil.rmtree, folder, ignore_errors=True))
+
+
+def pytest_configure_node(node: Any) -> None:
+    """Tell a worker of pytest-xdist which folder is its session's."""
+    node.workerinput[FOLDER] = os.environ[FOLDER]
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
