@@ -15,10 +15,9 @@ from mpmtop.criteria import (
     Compliance,
     Criterion,
     Displacement,
-    NothingMoves,
     Worst,
     finite_gradient,
-    nothing_moves,
+    remark,
 )
 from mpmtop.design import Design, physical_densities
 from mpmtop.equilibrium import Equilibrium, adjoint, load_gradient, moduli_gradient
@@ -264,9 +263,29 @@ class DesignProblem(DesignVariables):
         )
         return sum(terms, start=0.0) - of.bound
 
-    def remark(self, evaluation: Evaluation) -> NothingMoves | None:
-        """The warning that a final design calls for; of load cases none, as they have several displacements."""
-        return None if self.cases else nothing_moves(self.objective, evaluation.objective, evaluation.u)
+    def remarks(self, evaluation: Evaluation) -> list[UserWarning]:
+        """The warnings that displacements of a final design call for: NothingMoves of the one that is sought, but in
+        several load cases, and PlaceInVoid. A solve for each, with the factorisations of the evaluation."""
+        asked = [(each, not self.cases) for each in self._objectives] + [(each, False) for each in self._constraints]
+        said = [
+            self._remark(each.criterion, evaluation, term.case, sought)
+            for each, sought in asked
+            for term in each.terms
+            if isinstance(each.criterion, Displacement)
+        ]
+        return [warning for warning in said if warning is not None]
+
+    def _remark(self, stated: Displacement, evaluation: Evaluation, case: int, sought: bool) -> UserWarning | None:
+        model, state = self.models[case], evaluation.states[case]
+        unit = model.forces_of((stated.unit_load,)).fixed
+
+        def energy() -> Array:
+            v = np.zeros_like(unit)
+            v[model.stiffness.dof] = state.solve(unit[model.stiffness.dof])
+            strain = model.transfer.strain(v)
+            return state.moduli * model.work(v, strain, v, strain)
+
+        return remark(stated, unit, state.u, energy, state.moduli / model.elastic.young, sought=sought)
 
     def evaluate(self, x: Array) -> Evaluation:
         """Value only, of a design (n,): one factorisation for all cases on the same supports, one solve for each."""

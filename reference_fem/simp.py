@@ -15,17 +15,16 @@ from mpmtop.criteria import (
     Compliance,
     Criterion,
     Displacement,
-    NothingMoves,
     Worst,
     finite_gradient,
-    nothing_moves,
+    remark,
 )
 from mpmtop.design import Design, physical_densities
 from mpmtop.errors import InvalidScene, LoadOutsideBody
 from mpmtop.loads import carriers
 from mpmtop.scene import LoadCase, Scene, check_together
 from reference_fem import at_elements as at_elements
-from reference_fem.adjoint import adjoint, load_gradient, moduli_gradient
+from reference_fem.adjoint import adjoint, load_gradient, moduli_gradient, unit_work
 from reference_fem.cases import Sum, case_models, constraint_sums, objective_sums, states
 from reference_fem.elasticity import (
     FemModel,
@@ -189,9 +188,24 @@ class DesignProblem(DesignVariables):
     def _displacements(self) -> list[Displacement]:
         return [each.criterion for sums in self.sums for each in sums if isinstance(each.criterion, Displacement)]
 
-    def remark(self, evaluation: Evaluation) -> NothingMoves | None:
-        """The warning that a final design calls for; of load cases none, as they have several displacements."""
-        return None if self.cases else nothing_moves(self.objective, evaluation.objective, evaluation.u)
+    def remarks(self, evaluation: Evaluation) -> list[UserWarning]:
+        """The warnings that displacements of a final design call for: NothingMoves of the one that is sought, but in
+        several load cases, and PlaceInVoid. A solve for each, no factorisation."""
+        said = []
+        for sums, sought in zip(self.sums, (not self.cases, False), strict=True):
+            for each in sums:
+                if isinstance(each.criterion, Displacement):
+                    said += [self._remark(each.criterion, evaluation, part.case, sought) for part in each.parts]
+        return [warning for warning in said if warning is not None]
+
+    def _remark(self, stated: Displacement, evaluation: Evaluation, case: int, sought: bool) -> UserWarning | None:
+        model, state, unit = self.models[case], evaluation.states[case], unit_force(self.model, stated)
+
+        def energy() -> Array:
+            v = state.solve(unit)
+            return state.moduli * unit_work(model, v, v)
+
+        return remark(stated, unit, state.u, energy, state.moduli / model.elastic.young, sought=sought)
 
     def evaluate(self, x: Array) -> Evaluation:
         """Objective and constraints of the design x (n,): no derivative, one factorisation for all cases on the same

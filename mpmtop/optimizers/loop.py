@@ -129,9 +129,9 @@ def continuation(
 
     With a `checkpoint` file the state is written after every `checkpoint_every`-th iterate and the last of a stage,
     before the iterate is handed out; if the file exists the run resumes from it, beginning with the iterate it holds.
-    That design is analysed again, which is not counted as a solve. Warns `Infeasible`, and `NothingMoves` where the
-    last design of a displacement is the trivial one. Raises NotConverged on values that are not finite, ValueError on
-    unusable bounds or starts, CheckpointError on a file that is damaged or belongs to another run.
+    That design is analysed again, which is not counted as a solve. Warns `Infeasible`, and of displacements of
+    the last design `NothingMoves` and `PlaceInVoid`, see `criteria`. Raises NotConverged on values that are not finite,
+    ValueError on unusable bounds or starts, CheckpointError on a file that is damaged or belongs to another run.
     """
     if not isinstance(stages, Sequence) or not stages or not all(isinstance(stage, Stage) for stage in stages):
         raise ValueError("stages of a continuation: give a list of one `Stage(problem, update)` or more")
@@ -166,7 +166,7 @@ def _run(stages: Sequence[Stage[E]], x: Array, feasible: float, path: Path | Non
             if outcome == "infeasible":
                 _say(at, evaluation, feasible)
             if outcome != "running" and k == len(stages) - 1:
-                _remark(problem, evaluation)
+                _remarks(problem, evaluation)
             yield Iterate(
                 at.state.iteration,
                 at.solves,
@@ -220,10 +220,9 @@ def _outcome(stage: Stage[Any], at: Progress, feasible: float) -> Outcome:
     return "max_iterations" if state.iteration >= stage.max_iterations else "running"
 
 
-def _remark(problem: Problem[E], evaluation: E) -> None:
-    """Warn of what the problem says of a final design, if it has a `remark`."""
-    said = getattr(problem, "remark", lambda evaluation: None)(evaluation)
-    if said is not None:
+def _remarks(problem: Problem[E], evaluation: E) -> None:
+    """Warn of what the problem says of a final design, if it has `remarks`."""
+    for said in getattr(problem, "remarks", lambda evaluation: ())(evaluation):
         warnings.warn(said, stacklevel=3)
 
 

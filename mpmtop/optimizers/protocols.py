@@ -35,8 +35,8 @@ E = TypeVar("E", bound=Evaluation)
 class Problem(Protocol[E]):
     """What is optimised; E is the problem's own kind of evaluation.
 
-    A problem may have a method `remark` of an evaluation, too: the warning, or None, that its final design calls for;
-    and `largest_move`, of a variable's range, where its derivatives hold no further: rules go by their own limit or by
+    A problem may have a method `remarks` of an evaluation, too: the warnings that its final design calls for; and
+    `largest_move`, of a variable's range, where its derivatives hold no further: rules go by their own limit or by
     this one, whichever is smaller.
     """
 
