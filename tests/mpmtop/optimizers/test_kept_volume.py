@@ -5,28 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mpmtop.body import Body, Material, Support
-from mpmtop.design import Design, Projection
-from mpmtop.loads import PointLoad
+from mpmtop.body import Material
+from mpmtop.design import Projection
 from mpmtop.optimizers import GCMMA, MMA, OptimalityCriteria, Stage, UpdateRule, continuation
 from mpmtop.planning import plan
 from mpmtop.problem import design_problem
 from mpmtop.projection import project
-from mpmtop.region import Rectangle
-from mpmtop.scene import Scene
 from reference_fem.simp import design_problem as by_elements
+from tests.scenes import cantilever
 
 BETAS = (1.0, 2.0, 4.0, 8.0, 16.0, 32.0)
-SCENE = Scene(
-    "cantilever",
-    Body(
-        Rectangle((0.0, 0.0), (60.0, 30.0)),
-        (Support(Rectangle((-1.0, 0.0), (0.0, 30.0))),),
-        (PointLoad((60.0, 15.0), (0.0, -1.0)),),
-        Material(plane="stress"),
-    ),
-    Design(0.4, 6.0),
-)
+SCENE = cantilever(60, 30, material=Material(plane="stress"), filter_radius=6.0)
 
 
 @pytest.mark.parametrize(
