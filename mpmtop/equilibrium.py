@@ -89,8 +89,25 @@ def _displaced(model: Model, moduli: Array, solve: Solve, f_ext: Array, tol: flo
 
 def tangent(model: Model, moduli: Array, tol: float) -> Solve:
     """K^-1 of K = -dR/du over the free degrees of freedom, factored; for an iterative solver, to `tol`."""
+    data, solver = model.stiffness.data(moduli), type(model.solver).__name__
     with mechanism_named(model, moduli):
-        return model.solver.factor(model.stiffness.data(moduli), tol)
+        try:
+            solve = model.solver.factor(data, tol)
+        except TypeError as error:
+            raise InvalidScene(f"{solver}.factor failed ({error}): let it take (data, tolerance)") from error
+    if not callable(solve):
+        raise InvalidScene(
+            f"{solver}.factor gave a {type(solve).__name__}: return a function that solves K x = b for b (m,)"
+        )
+    return solve
+
+
+def _answer(solve: Solve, b: Array) -> Array:
+    """x of K x = b (m,); InvalidScene if a solver's answer is none of its shape."""
+    x = solve(b)
+    if np.shape(x) != b.shape:
+        raise InvalidScene(f"the solver answered {np.shape(x)} to b {b.shape}: let it return x of the same shape")
+    return x
 
 
 def residual(model: Model, moduli: Array, u: Array, load: Array, strain: Array | None = None) -> Array:
@@ -198,7 +215,7 @@ def checked_solve(
     stored = 0.0 if state is None or scale is not None else abs(float(state @ model.resistance(moduli, state)))
     for count in range(1, max_solves + 1):
         with mechanism_named(model, moduli):
-            u[free] += solve(R)
+            u[free] += _answer(solve, R)
         strain = model.transfer.strain(u)
         R = residual(model, moduli, u, load, strain)
         energy = float(load @ u)

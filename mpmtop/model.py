@@ -189,7 +189,7 @@ def discretise(
     D = tangent(elastic(body, points.x, "material point"))
     ties = tie(body, grid, points, weighted, shape_function, ends, D)
     K = stiffness(grid, points, weighted, D, held, penalty, ties)
-    chosen = solver(_pattern(grid, weighted, K))
+    chosen = _bound(solver, _pattern(grid, weighted, K))
     model = Model(body, grid, points, shape_function, ends, weighted, penalty, ties, K, chosen, found, (body, forces))
     if body.loads:
         check_loads(model)
@@ -203,8 +203,22 @@ def _check_kinds(flags: dict[str, Any], functions: dict[str, Any]) -> None:
         if not isinstance(flag, bool):
             raise InvalidScene(f"{name} {flag!r}: say True or False")
     for name, function in functions.items():
-        if not callable(function):
-            raise InvalidScene(f"{name} {function!r}: give a function, such as tent, or leave it out")
+        if not callable(function) or (name == "shape_function" and not hasattr(function, "__name__")):
+            raise InvalidScene(f"{name} {function!r}: give a function by name, such as tent, or leave it out")
+
+
+def _bound(solver: Callable[[Pattern], Solver], pattern: Pattern) -> Solver:
+    """The solver of a pattern; InvalidScene unless it is one."""
+    try:
+        chosen = solver(pattern)
+    except TypeError as error:
+        raise InvalidScene(f"`solver` {solver!r} failed ({error}): let it take a `Pattern`") from error
+    if not (callable(getattr(chosen, "factor", None)) and number(getattr(chosen, "tolerance", None)) > 0):
+        raise InvalidScene(
+            f"`solver` made a {type(chosen).__name__}: return an object with `factor(data, tolerance)` and a positive "
+            "`tolerance`, as those of mpmtop.solvers"
+        )
+    return chosen
 
 
 def points_and_cell(
@@ -288,8 +302,14 @@ def held_otherwise(models: Sequence[Model], body: Body) -> Model:
             return replace(alike, body=body)
     ties = tie(body, model.grid, model.points, model.transfer, model.shape_function, model.ends, model.D)
     K = stiffness(model.grid, model.points, model.transfer, model.D, held, model.ghost, ties)
-    solver: Any = model.solver  # all are dataclasses
-    again = replace(solver, pattern=_pattern(model.grid, model.transfer, K))
+    solver: Any = model.solver
+    try:
+        again = replace(solver, pattern=_pattern(model.grid, model.transfer, K))
+    except TypeError as error:
+        raise InvalidScene(
+            f"load cases on other supports need a solver each ({error}): make {type(solver).__name__} a dataclass "
+            "with a `pattern`"
+        ) from error
     return replace(model, body=body, ties=ties, stiffness=K, solver=again)
 
 

@@ -13,11 +13,12 @@ CPDI is not among them: along one axis its gradient on a domain that stays undef
 tent over the domain by its width, and small strain leaves domains as they are.
 """
 
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
 from mpmtop.arrays import Array, Index
+from mpmtop.errors import InvalidScene
 
 ROUNDED = 2e-9
 """Part by which a domain as wide as a cell may exceed it: what sides that the spacing divides to 1e-9 make of it."""
@@ -43,6 +44,32 @@ class ShapeFunction(Protocol):
     def __call__(self, xi: Array, half_length: Array, tol: float, ends: Ends | None) -> Stencil:
         """Values and gradients at xi (p,)."""
         ...
+
+
+def stencil(shape_function: ShapeFunction, xi: Array, half_length: Array, tol: float, ends: Ends | None) -> Stencil:
+    """What a shape function gives at xi (p,); InvalidScene unless it is what the module's docstring asks for."""
+    name, p = shape_function.__name__, len(xi)
+    try:
+        found: Any = shape_function(xi, half_length, tol, ends)
+    except TypeError as error:
+        raise InvalidScene(
+            f"the shape function {name} failed ({error}): let it take xi (p,), half_length (p,), tol and ends"
+        ) from error
+    parts = found if isinstance(found, tuple) else (found,)
+    if not (len(parts) == 3 and all(isinstance(part, np.ndarray) for part in parts) and _fits(Stencil(*parts), p)):
+        told = ", ".join(str(getattr(part, "shape", type(part).__name__)) for part in parts)
+        raise InvalidScene(
+            f"the shape function {name} gave {told} for {p} points: return a `Stencil` of arrays, first (p,), whole "
+            "numbers, N and grad_N (p, n), finite"
+        )
+    return Stencil(*parts)
+
+
+def _fits(found: Stencil, p: int) -> bool:
+    first, N, grad_N = found
+    shaped = first.shape == (p,) and N.ndim == 2 and len(N) == p and N.shape == grad_N.shape
+    numbers = first.dtype.kind == "i" and all(part.dtype.kind in "fc" for part in (N, grad_N))
+    return shaped and numbers and bool(np.all(np.isfinite(N)) and np.all(np.isfinite(grad_N)))
 
 
 def _in_cell(xi: Array, tol: float, ends: Ends | None) -> tuple[Array, Array]:

@@ -18,7 +18,7 @@ from mpmtop.arrays import Array, Index, Mask
 from mpmtop.errors import PositionOutsideBody
 from mpmtop.grid import Grid
 from mpmtop.points import MaterialPoints
-from mpmtop.shape_functions import Ends, ShapeFunction, gimp
+from mpmtop.shape_functions import Ends, ShapeFunction, gimp, stencil
 from mpmtop.voigt import entries, local_B
 
 REACH = 1.0
@@ -82,7 +82,7 @@ def weights(
     position x (p, 2) with a domain of half_length (p, 2), in a body of the given ends."""
     xi, _, tol = located(grid, x)
     length = half_length / grid.h
-    sx, sy = (shape_function(xi[:, a], length[:, a], tol, ends[a]) for a in (0, 1))
+    sx, sy = (stencil(shape_function, xi[:, a], length[:, a], tol, ends[a]) for a in (0, 1))
     hx, hy = grid.h
     n = sx.N.shape[1]
 

@@ -163,7 +163,9 @@ def _refuse(
     body: Body, shape_function: ShapeFunction, steps: int, frame: str, domains: str, alpha: float, law: Law | None
 ) -> None:
     if shape_function not in (tent, gimp, bspline2):
-        raise InvalidScene(f"large deformation with {shape_function.__name__}: use tent, gimp or bspline2")
+        raise InvalidScene(
+            f"large deformation with {getattr(shape_function, '__name__', shape_function)}: use tent, gimp or bspline2"
+        )
     if body.material.plane != "strain":
         raise InvalidScene("large deformation in plane stress: the laws are those of plane strain, set plane='strain'")
     if not isinstance(steps, int | np.integer) or steps < 1:
