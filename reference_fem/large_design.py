@@ -16,8 +16,7 @@ import numpy as np
 from mpmtop.arrays import Array
 from mpmtop.design import physical_densities
 from mpmtop.errors import InvalidScene
-from mpmtop.fields import Layout, layout
-from reference_fem.at_elements import layout_of_elements
+from reference_fem.at_large_elements import LargeState
 from reference_fem.large_deformation import LargeModel, load_steps, von_mises
 from reference_fem.objectives import p_norm
 from reference_fem.simp import DesignProblem, simp
@@ -34,16 +33,10 @@ def nonlinear_fraction(rho: Array, penal: float) -> tuple[Array, Array]:
     return (np.tanh(STEEPNESS * STEP) + at) / whole, slope / whole
 
 
-@layout.register
-def layout_of_elements_at_rest(model: LargeModel) -> Layout:
-    """The elements at rest, for `mpmtop.plot.design`."""
-    return layout_of_elements(model.fem)
-
-
 @dataclass(frozen=True, eq=False)
 class Evaluation:
     """Objective and constraints g <= 0 (1,) of one design; densities, moduli and nonlinear fractions (e,), and
-    displacements u (N,) at every level."""
+    displacements u (N,) at every level, of which `level` is the last."""
 
     objective: float
     constraints: Array
@@ -51,6 +44,12 @@ class Evaluation:
     moduli: Array
     nonlinear: Array
     u: Sequence[Array]
+    level: float
+
+    @property
+    def state(self) -> LargeState:
+        """What `mpmtop.plot` and `mpmtop.export` show: the last level."""
+        return LargeState(self.u[-1], self.moduli, self.nonlinear, self.level)
 
 
 class Slopes(NamedTuple):
@@ -189,7 +188,7 @@ class LargeDesignProblem:
         g = nonlinear_fraction(rho, self.linear.design.penal)[0]
         u = tuple(load_steps(self.model, moduli, np.array(self.levels), nonlinear=g))
         J = self.objective.value(self.model, rho, g, u)
-        return Evaluation(J, np.array([self.linear.volume(rho) - 1]), rho, moduli, g, u)
+        return Evaluation(J, np.array([self.linear.volume(rho) - 1]), rho, moduli, g, u, self.levels[-1])
 
     def gradient(self, evaluation: Evaluation) -> tuple[Array, Array]:
         """dJ/dx (a,) and dg/dx (1, a): one adjoint for each level that J depends on."""
