@@ -12,7 +12,7 @@ import numpy as np
 from mpmtop.arrays import Array
 from mpmtop.at_points import fields_at_points as fields_at_points
 from mpmtop.equilibrium import Equilibrium
-from mpmtop.fields import fields, von_mises, von_mises_in_plane
+from mpmtop.fields import Fields, fields, von_mises, von_mises_in_plane
 from mpmtop.model import Model
 from mpmtop.points import MaterialPoints
 
@@ -80,10 +80,11 @@ def write_points(path: Path | str, model: Any, state: Any, rho: Array) -> None:
 def write_nodes(path: Path | str, model: Any, state: Any, rho: Array) -> None:
     """The nodes of either solver as vertices: `displacement`, `load`, and `reaction`, a ghost penalty's part included.
 
-    The reactions' sum is minus the loads'. Raises as `write_points`.
+    The reactions' sum is minus the loads'. A grid that is reset in every load step has no displacements; its loads are
+    those of the points at the start. Raises as `write_points`.
     """
     at = fields(model, state, rho)
-    data = {"displacement": at.nodal_displacement, "load": at.layout.load, "reaction": at.reaction}
+    data = _at_nodes(at)
     vertices = [("vertex", np.arange(len(at.layout.nodes))[:, None])]
     in_space = {name: _in_space(values) for name, values in data.items()}
     _write(Path(path), meshio.Mesh(_in_space(at.layout.nodes), vertices, point_data=in_space))
@@ -96,8 +97,7 @@ def write_grid(path: Path | str, model: Model, state: Equilibrium) -> None:
     i, j = (a.ravel() for a in np.meshgrid(*map(np.arange, grid.cells), indexing="ij"))
     corner = i * ny + j
     cells = np.stack([corner, corner + ny, corner + ny + 1, corner + 1], axis=1)
-    at = fields(model, state, np.zeros(len(model.points.volume)))
-    data = {"displacement": at.nodal_displacement, "load": at.layout.load, "reaction": at.reaction}
+    data = _at_nodes(fields(model, state, np.zeros(len(model.points.volume))))
     nodal = {name: np.zeros((len(grid.node_positions()), 3)) for name in data}
     for name, values in data.items():
         nodal[name][model.transfer.nodes, :2] = values
@@ -105,6 +105,12 @@ def write_grid(path: Path | str, model: Model, state: Equilibrium) -> None:
     active[model.transfer.nodes] = 1
     mesh = meshio.Mesh(_in_space(grid.node_positions()), [("quad", cells)], point_data=nodal | {"active": active})
     _write(Path(path), mesh)
+
+
+def _at_nodes(at: Fields) -> dict[str, Array]:
+    """What there is at nodes (n, 2), by name."""
+    moved = {} if at.nodal_displacement is None else {"displacement": at.nodal_displacement}
+    return moved | {"load": at.layout.load, "reaction": at.reaction}
 
 
 def read_points(path: Path | str) -> PointDesign:

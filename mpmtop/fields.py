@@ -43,7 +43,8 @@ class Fields:
 
     `young` (c,) is the modulus E(rho) of what the cell is made of, penalised by its density.
     `reaction` (n, 2) is what the supports exert, zero at free components: f_int - f_ext where held, a ghost penalty's
-    part of f_int included. Its sum is minus that of the loads.
+    part of f_int included. Its sum is minus that of the loads. `nodal_displacement` (n, 2) is None where nodes keep
+    none, those of a grid that is reset in every load step.
     """
 
     layout: Layout
@@ -53,7 +54,7 @@ class Fields:
     corner_displacement: Array
     strain: Array
     stress: Array
-    nodal_displacement: Array
+    nodal_displacement: Array | None
     reaction: Array
 
 

@@ -30,8 +30,8 @@ def layout_of_steps(model: Model) -> Layout:
 def fields_of_steps(model: Model, state: Trajectory, rho: Array) -> Fields:
     """Fields at full load, on the body at rest: a corner moves by u + (F - 1) (corner - x).
 
-    Stress is Cauchy's, strain Hencky's, ln(F F^T) / 2. The nodes of the reset grid move anew in every step and have no
-    displacement that lasts: it is not a number. Reactions are those of the last step, without the background's.
+    Stress is Cauchy's, strain Hencky's, ln(F F^T) / 2. Nodes of the "total" frame keep their displacements, those of a
+    reset grid move anew in every step. Reactions are those of the last step, without the background's.
     """
     where, end, last = layout_of_steps(model), state.states[-1], state.increments[-1]
     F, moved = end.F, state.displacement()
@@ -51,7 +51,7 @@ def fields_of_steps(model: Model, state: Trajectory, rho: Array) -> Fields:
         corner_displacement=moved[:, None] + arm @ (F - np.eye(2)).swapaxes(1, 2),
         strain=tensor(_plane(strain), np.zeros(len(rho))),
         stress=tensor(_plane(cauchy), zz),
-        nodal_displacement=np.full(where.nodes.shape, np.nan),
+        nodal_displacement=np.sum([each.u for each in state.increments], axis=0) if model.frame == "total" else None,
         reaction=np.where(where.held, force, 0.0),
     )
 

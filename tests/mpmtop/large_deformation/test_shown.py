@@ -11,6 +11,7 @@ from mpmtop import export, plot
 from mpmtop.design import Design
 from mpmtop.fields import fields
 from mpmtop.large_deformation.problem import LoadStepProblem
+from mpmtop.large_deformation.step import operators, start
 from mpmtop.large_deformation.steps import trajectory
 from mpmtop.optimizers import GCMMA, optimize
 from mpmtop.region import Rectangle
@@ -49,5 +50,17 @@ def test_designs_are_drawn_and_written(tmp_path: Path) -> None:
     export.write_points(tmp_path / "points.vtu", of.model, last.evaluation.state, last.evaluation.rho)
     written = meshio.read(tmp_path / "points.vtu").cell_data["displacement"][0][:, :2]
     np.testing.assert_array_equal(written, last.evaluation.path.displacement())
-    with pytest.raises(ValueError, match="displacement"):
-        export.write_nodes(tmp_path / "nodes.vtu", of.model, last.evaluation.state, last.evaluation.rho)
+
+
+@pytest.mark.parametrize("method", ["total", "GIMP, free"])
+def test_nodes_are_written_with_displacements_where_they_keep_them(method: str, tmp_path: Path) -> None:
+    """Those of the total frame, which displace the points; a grid that is reset has reactions only."""
+    body = model(METHODS[method], steps=2)
+    path = trajectory(body, moduli())
+    export.write_nodes(tmp_path / "nodes.vtu", body, path, np.ones(200))
+    written = meshio.read(tmp_path / "nodes.vtu").point_data
+    np.testing.assert_allclose(written["reaction"].sum(axis=0)[:2], -body.force.sum(axis=0), atol=1e-10)
+    assert ("displacement" in written) == (method == "total")
+    if method == "total":
+        N = operators(body, start(body)).N
+        np.testing.assert_allclose(N @ written["displacement"][:, :2], path.displacement(), atol=1e-12 * 20)
