@@ -1,5 +1,6 @@
 """The validation report: studies run by pytest itself, their files, and the pages in a real browser."""
 
+import io
 import json
 
 import matplotlib as mpl
@@ -8,8 +9,10 @@ import matplotlib.style
 import numpy as np
 import pandas as pd
 import pytest
+from matplotlib._mathtext import Parser
+from matplotlib.figure import Figure
 
-from mpmtop.page.drawing import STYLE
+from mpmtop.page.drawing import STYLE, drawn, numbered
 from mpmtop.page.numbers import changed, digits3, number, per_cent
 from validation.harness.blocks import Table, raster
 from validation.harness.claims import Reading, Statement, Tally, stands
@@ -140,6 +143,30 @@ def test_cells() -> None:
         *("3.66\u00a0%", "-50\u00a0%", "+13.8\u00a0%"),
     ]
     assert cell("|u| over\n two lines") == r"\|u\| over two lines"
+
+
+def test_a_formula_is_set_once_for_all_figures(monkeypatch: pytest.MonkeyPatch) -> None:
+    formulas: list[str] = []
+    parse = Parser.parse
+    monkeypatch.setattr(Parser, "parse", lambda parser, s, *how: formulas.append(s) or parse(parser, s, *how))
+
+    def plotted() -> Figure:
+        figure, ax = plt.subplots()
+        ax.plot([0.0131, 0.0137], [1, 2])
+        ax.set(xticks=np.linspace(0.0131, 0.0137, 60), title="$x^{17}_{23}$")  # more than Matplotlib keeps
+        return figure
+
+    with mpl.rc_context(), mpl.style.context(STYLE):
+        first = drawn(plotted(), "first")
+        assert 60 < len(formulas) == len(set(formulas))
+        formulas.clear()
+        assert drawn(plotted(), "first") == first
+        assert not formulas
+        svg = io.BytesIO()
+        with mpl.rc_context({"svg.hashsalt": "first"}):
+            plotted().savefig(svg, format="svg", metadata={"Date": None, "Creator": "mpmtop"})
+        assert numbered(svg.getvalue(), "first") == first
+        plt.close("all")
 
 
 def test_points_are_drawn_small_and_without_seams() -> None:
