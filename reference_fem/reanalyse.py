@@ -28,6 +28,7 @@ from reference_fem.objectives import Objective, objective, p_norm, p_norm_stress
 from reference_fem.outline import LATTICE
 from reference_fem.simp import simp
 
+VOLUME_ROUNDING = 1e-9  # of a design's volume, whose sum of many terms a cut within it is to reach
 GAUSS = np.array([[-1, -1], [1, -1], [-1, 1], [1, 1]]) / np.sqrt(12)  # of the side: exact to cubics along each axis
 
 
@@ -181,13 +182,14 @@ def judged_functional(model: FemModel, share: Array, per_point: Array, stated: C
     return objective(stated, model, "centre", share)
 
 
-def thresholded(rho: Array, volume: Array, level: float | None = None) -> Array:
+def thresholded(rho: Array, volume: Array, level: float | None = None, *, exceed: float = 0.5) -> Array:
     """Densities (p,) cut to 0 and 1: above the `level`, or where none is given the densest points of the given volumes
-    (p,) up to the volume of rho, which a cut between two of them meets to half a point."""
+    (p,) up to the volume of rho, which the last one may exceed by the part `exceed` of its own: half of it comes
+    nearest, none keeps within. Rounding does not choose between mirror images."""
     if level is not None:
         return (rho > level).astype(float)
-    densest = np.argsort(-rho, kind="stable")
-    kept = np.cumsum(volume[densest]) - 0.5 * volume[densest] <= volume @ rho
+    densest = np.argsort(-np.round(rho, 6), kind="stable")
+    kept = np.cumsum(volume[densest]) - exceed * volume[densest] <= (1 + VOLUME_ROUNDING) * float(rho @ volume)
     black = np.zeros_like(rho)
     black[densest[kept]] = 1
     return black

@@ -11,7 +11,7 @@ from mpmtop.comparison.methods import in_large_deformation
 from mpmtop.errors import NotConverged, UnsupportedBody
 from mpmtop.points import MaterialPoints
 from reference_fem import simp
-from reference_fem.reanalyse import build_judge, judge_criteria, owners, thresholded
+from reference_fem.reanalyse import build_judge, judge_criteria, owners
 
 NO_EQUILIBRIUM = (NotConverged, UnsupportedBody)
 """What the judge says of a design whose load hangs on void: black and white ones do where a bar is too thin."""
@@ -64,11 +64,6 @@ def _in_load_steps(asked: Asked, at: MaterialPoints) -> Judging:
         return Truth(work, 0.0, work)
 
     return judged
-
-
-def black_and_white(rho: Array, at: MaterialPoints) -> Array:
-    """The design cut at its own volume, with passive parts as they are; rounding does not choose between images."""
-    return thresholded(np.round(rho, 6), at.volume)
 
 
 def cut_truth(asked: Asked, grey: Truth, cut: Truth) -> Truth:

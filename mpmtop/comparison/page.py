@@ -16,7 +16,6 @@ import mpmtop
 from mpmtop.comparison.asked import METHODS, NONE, Asked
 from mpmtop.comparison.entries import Comparison, Entry, measure, relative
 from mpmtop.comparison.files import COLUMNS, has_fields, rows, table
-from mpmtop.comparison.judging import black_and_white
 from mpmtop.comparison.pictures import design_picture, histories, patterns, scene_picture
 from mpmtop.comparison.verdict import verdict
 from mpmtop.crossing import moved, named
@@ -24,6 +23,7 @@ from mpmtop.page.drawing import STYLE, drawn, embedded
 from mpmtop.page.numbers import number, per_cent
 from mpmtop.page.templates import templates
 from mpmtop.scene import LoadCase
+from reference_fem.reanalyse import thresholded
 
 PACKAGES = ("numpy", "scipy", "scikit-fem")
 """Versions that decide the numbers, beside Python's."""
@@ -132,7 +132,7 @@ def _svg(make: Callable[[], Figure], name: str) -> dict[str, str]:
 def _cut(entry: Entry) -> bytes:
     assert entry.run is not None and entry.prepared is not None
     at = entry.prepared.design_points
-    return design_picture(at, black_and_white(entry.run.rho, at))
+    return design_picture(at, thresholded(entry.run.rho, at.volume))
 
 
 def _drawn_model(found: Comparison) -> Any:

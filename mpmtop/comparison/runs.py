@@ -17,7 +17,7 @@ import numpy as np
 import mpmtop
 from mpmtop.arrays import Array
 from mpmtop.comparison.asked import METHODS, NONE, Asked
-from mpmtop.comparison.judging import Truth, black_and_white, cut_truth, judge_of
+from mpmtop.comparison.judging import Truth, cut_truth, judge_of
 from mpmtop.comparison.methods import Prepared, prepare
 from mpmtop.comparison.progress import Progress, say
 from mpmtop.errors import NotConverged, PointOutsideGrid, UnsupportedBody
@@ -25,6 +25,7 @@ from mpmtop.optimizers import optimize
 from mpmtop.optimizers.checkpoint import CheckpointError
 from mpmtop.optimizers.loop import Infeasible
 from mpmtop.page.numbers import number
+from reference_fem.reanalyse import thresholded
 
 EVERY = 5
 """Iterations between two checkpoints: a kill costs at most as many, and writing them next to nothing."""
@@ -168,7 +169,7 @@ def _history(checkpoint: Path) -> dict[int, tuple[float, float]]:
 def _judged(asked: Asked, prepared: Prepared, ended: Ended) -> Run:
     at = prepared.design_points
     judge = judge_of(asked, at)
-    grey, cut = (judge(design) for design in (ended.rho, black_and_white(ended.rho, at)))
+    grey, cut = (judge(design) for design in (ended.rho, thresholded(ended.rho, at.volume)))
     cut = cut_truth(asked, grey, cut)
     numbers = Numbers(
         ended.outcome, ended.solves, grey.objective, grey.violation, cut.objective, cut.violation, ended.error

@@ -57,6 +57,12 @@ def test_thresholded() -> None:
     black = thresholded(rho, volume)
     assert set(black) == {0.0, 1.0}
     assert abs(volume @ black - volume @ rho) <= volume.max() / 2
+    assert 0 <= volume @ rho - volume @ thresholded(rho, volume, exceed=0.0) < volume.max()
     assert rho[black == 1].min() >= rho[black == 0].max()
     np.testing.assert_array_equal(thresholded(rho, volume, 0.5), rho > 0.5)
     np.testing.assert_array_equal(thresholded(black, volume), black)
+    pairs, one = (
+        np.repeat(np.linspace(0.1, 0.9, 100), 2),
+        np.ones(200),
+    )  # mirror images, and what rounding makes of them
+    np.testing.assert_array_equal(thresholded(pairs + 1e-9 * rng.normal(size=200), one), thresholded(pairs, one))

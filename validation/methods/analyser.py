@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Protocol, Self
 
 import numpy as np
@@ -19,6 +19,7 @@ from mpmtop.points import MaterialPoints, seed
 from mpmtop.scene import Scene
 from mpmtop.shape_functions import ShapeFunction, bspline2, bspline3, gimp, tent
 from reference_fem import elasticity, simp
+from reference_fem.reanalyse import thresholded
 from validation.bodies.scenes import SPACING, H
 
 SHAPE_FUNCTIONS: dict[str, ShapeFunction] = {
@@ -55,13 +56,8 @@ class DensityField:
         return self.rho[nearest]
 
     def black_and_white(self) -> "DensityField":
-        """The design cut at the density that keeps its volume: the densest points 1, the others 0."""
-        area = self.half_length.prod(axis=1)
-        densest = np.argsort(-np.round(self.rho, 6), kind="stable")  # rounding does not choose between mirror images
-        filled = np.cumsum(area[densest]) <= (1 + 1e-9) * float(self.rho @ area)
-        rho = np.zeros_like(self.rho)
-        rho[densest[filled]] = 1.0
-        return DensityField(self.x, self.half_length, rho)
+        """The design cut within its own volume: the densest points 1, the others 0."""
+        return replace(self, rho=thresholded(self.rho, self.half_length.prod(axis=1), exceed=0.0))
 
     @property
     def grayness(self) -> float:
