@@ -95,6 +95,10 @@ def test_make_paper_runs_the_pages_of_the_paper(pytester: pytest.Pytester) -> No
     assert {name for name, title in titles.items() if "(Figs. " in title} == ran - {"choices"}
 
 
+def test_studies_that_start_first_are_there() -> None:
+    assert {*plugin.LONGEST} < {*chain.from_iterable(CONTENTS.groups.values())}
+
+
 def test_a_group_that_there_is_not_is_refused(pytester: pytest.Pytester) -> None:
     pytester.makepyfile(test_plain="def test_fast(): pass")
     refused = pytester.runpytest_inprocess(*OPTIONS, "--group", "Robustnes")

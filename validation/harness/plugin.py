@@ -46,8 +46,13 @@ from validation.harness.shared import FOLDER
 from validation.harness.store import Ran, Study, headed, marked, merge, read
 from validation.harness.timed import merge_timed, read_timed
 
-LONGEST = ("l_bracket", "multi_resolution", "hole", "crossing_l_bracket", "stability", "large_deformation")
-"""Studies that start first, so that processes beside each other end at about the same time."""
+LONGEST = (
+    *("l_bracket", "multi_resolution", "large_deformation", "crossing_l_bracket", "hole", "work_precision"),
+    *("sensitivity", "stability", "cantilever", "crossing_cantilever", "tasks", "crossing", "shape_functions"),
+    *("codes", "loads_and_supports", "scale", "large_designs"),
+)
+"""Studies that take more than a fiftieth of a run, by their time, in the order in which they start: processes beside
+each other end at about the same time. The brackets stand two apart, so that the second one finds the run they share."""
 ROOM = "studies"
 """The folder in which every study has one of its own."""
 
