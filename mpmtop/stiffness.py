@@ -64,8 +64,8 @@ class CellMap:
         """This map, or the same as one sparse matrix: what takes less memory.
 
         On a lattice that is this one, by a factor of five. Where domains of GIMP cross the cells by different nodes it
-        is the sparse one, which leaves out the nodes that a point does not touch, and is up to ten times as fast there;
-        elsewhere neither takes twice the time of the other.
+        is the sparse one, which leaves out the nodes that a point does not touch, and is five times as fast there;
+        elsewhere it takes 0.3 to 1 of this one's time (3,200 to 28,800 points).
         """
         products = np.diff(self.start) @ np.count_nonzero(self.entry < self.shape[0], axis=1)
         stored = self.local.nbytes + self.place.nbytes + self.kind.nbytes

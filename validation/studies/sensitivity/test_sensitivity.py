@@ -9,7 +9,7 @@ A perturbed density changes K by a matrix of low rank, so one factorisation serv
 low-rank change of K, those of SIMP, von Mises stress and p-norm by complex step, without step size or cancellation;
 a fully complex analysis checks it for a sample. Every variable of every case is verified by it. Every variable is
 differenced, but for the p-norm with crossing: there it is 800 of the 6,400, drawn at random, which keeps the study
-within 20 s. FEM is not differenced, nor is it by the paper.
+short. FEM is not differenced, nor is it by the paper.
 """
 
 import matplotlib.pyplot as plt
