@@ -1,7 +1,8 @@
 """Fronts of a sparse Cholesky factorisation: from the nodes' dissection to the unknowns, and where everything goes.
 
-Fronts of one size on one level of the dissection do not meet: they are stored one behind the other, and what is done to
-one of them is done to all at once. Most fronts of a lattice are alike in how they hang on their parents, too.
+They are eliminated one after the other, a front right after those that it is made of: what these leave is still in the
+processor's cache. They are solved with together, those of one size on one level of the dissection, which do not meet:
+their values are stored one behind the other.
 """
 
 from collections.abc import Sequence
@@ -14,44 +15,48 @@ from mpmtop.arrays import Array, Index
 from mpmtop.solvers.dissection import Fronts
 from mpmtop.solvers.pattern import Pattern
 
-BY_INDEX = 256
-"""Entries of updates that are added to parents by index in the time of one slice: 200 to 400 were as fast."""
-
 Runs = tuple[tuple[int, int, int, bool], ...]
+"""Of a front's boundary, from start to stop: what are neighbours in its parent, too, the first one's place there, and
+whether it is among the parent's pivots or in its boundary."""
 
 
-class Passed(NamedTuple):
-    """Updates that go to their parents alike: those of the fronts `own` (k,) of a group go to the fronts `parent` (k,)
-    of group number `group`, no two of them to one.
+class Block(NamedTuple):
+    """What a front passes on of its update, by columns: the part `of` it goes `into` the parent's L11 (0), L21 (1) or
+    own update (2)."""
 
-    `runs` (start, stop, to, among pivots) are those of the boundary that are neighbours in the parent, too, `to` being
-    the first one's place among the parent's pivots or in its boundary. Of small updates in many runs the `places`
-    instead, among the pivots and in the boundary.
-    """
+    part: int
+    into: tuple[slice, slice]
+    of: tuple[slice, slice]
 
-    own: Index | slice
-    group: int
-    parent: Index | slice
-    runs: Runs
-    places: tuple[Index, Index] | None
+
+class Front(NamedTuple):
+    """A front to eliminate, `pivots` unknowns from the `first` on, by their place in the order of elimination, and the
+    number of those in its `boundary`; where its values begin, L11 and behind it L21; the `entries` of K that go there,
+    once they are sorted by fronts, and at which `place` (k,); and its children, by their number, with what they pass
+    on."""
+
+    first: int
+    pivots: int
+    boundary: int
+    begin: int
+    entries: slice
+    place: Index
+    children: Sequence[tuple[int, Sequence[Block]]]
 
 
 class Alike(NamedTuple):
-    """A group: fronts (k,) of one level and size, their `pivots` (k, ns) and `boundary` (k, nb), unknowns by their
-    place in the order of elimination; where L11 and L21 of the first begin among all values, those of the others
-    follow; and what becomes of the updates that their elimination leaves."""
+    """Fronts (k,) of one level and size, their `pivots` (k, ns) and `boundary` (k, nb), unknowns by their place in the
+    order of elimination, and where the values of the first begin; those of the others follow."""
 
     pivots: Index
     boundary: Index
-    L11: int
-    L21: int
-    passed: Sequence[Passed]
+    begin: int
 
     def columns(self, values: Array) -> tuple[Array, Array]:
         """L11 (k, ns, ns) and L21 (k, ns, nb) as they are stored, by columns."""
         (k, ns), nb = self.pivots.shape, self.boundary.shape[1]
-        L11 = values[self.L11 : self.L11 + k * ns * ns].reshape(k, ns, ns)
-        return L11, values[self.L21 : self.L21 + k * ns * nb].reshape(k, ns, nb)
+        blocks = values[self.begin : self.begin + k * ns * (ns + nb)].reshape(k, -1)
+        return blocks[:, : ns * ns].reshape(k, ns, ns), blocks[:, ns * ns :].reshape(k, ns, nb)
 
 
 class Level(NamedTuple):
@@ -64,27 +69,14 @@ class Level(NamedTuple):
 
 
 class Analysis(NamedTuple):
-    """What the pattern tells: unknowns in the order of elimination (m,), the deepest first, levels, where each entry
-    (nnz,) of the lower triangle goes among the values of all L11 and L21, and how many these are.
-
-    Groups are numbered in the order of the levels, so that a front's parent is in a later one.
-    """
+    """What the pattern tells: unknowns in the order of elimination (m,), the deepest first; the entries (nnz,) of the
+    lower triangle sorted by fronts; fronts in the order of elimination, children before parents, and by levels, the
+    deepest first; and how many values all L11 and L21 have."""
 
     order: Index
+    by_front: Index
+    fronts: Sequence[Front]
     levels: Sequence[Level]
-    place: Index
-    size: int
-
-
-class Sizes(NamedTuple):
-    """Fronts (f,) of each group; of each front the number (f,) of its group and its place (f,) there; where L11 and L21
-    of each (f,) begin, and all values."""
-
-    groups: Sequence[Index]
-    number: Index
-    among: Index
-    L11: Index
-    L21: Index
     size: int
 
 
@@ -104,40 +96,40 @@ def analyse(pattern: Pattern, node: Index, nodes: Fronts) -> Analysis:
     start = ends[nodes.start]
 
     ns, nb = np.diff(first), np.diff(start)
-    by = _by_size(nodes.level, ns, nb)
+    groups, begin = _by_size(nodes.level, ns, nb)
     key = np.repeat(np.arange(len(ns)), nb) * m + boundary  # sorted: finds an unknown in a front's boundary
     one, other = places[pattern.row], places[pattern.col]
     col, row = np.minimum(one, other), np.maximum(one, other)
     front = np.repeat(np.arange(len(ns)), ns)[col]
-    place = by.L11[front] + (col - first[front]) * ns[front] + row - first[front]
+    place = (col - first[front]) * ns[front] + row - first[front]
     below = np.flatnonzero(row >= first[front + 1])
     k = front[below]
     among = np.searchsorted(key, k * m + row[below]) - start[k]
-    place[below] = by.L21[k] + (col[below] - first[k]) * nb[k] + among
+    place[below] = ns[k] * ns[k] + (col[below] - first[k]) * nb[k] + among
+    by_front = np.argsort(front, kind="stable")
+    place, entries = place[by_front], np.concatenate([[0], np.cumsum(np.bincount(front, minlength=len(ns)))])
 
-    passed = _passed(by, nodes.parent, _runs(boundary, start, first, nodes.parent, key, m))
+    children = _children(nodes.parent, _runs(boundary, start, first, nodes.parent, key, m))
+    whole = zip(*(part.tolist() for part in (first[:-1], ns, nb, begin, entries[:-1], entries[1:])), strict=True)
+    fronts = [
+        Front(i, s, b, at, slice(e, end), place[e:end], children[f]) for f, (i, s, b, at, e, end) in enumerate(whole)
+    ]
     levels: dict[int, list[Alike]] = {}
-    for number, g in enumerate(by.groups):
+    for g in groups:
         pivots, around = first[g, None] + np.arange(ns[g[0]]), boundary[start[g, None] + np.arange(nb[g[0]])]
-        begins = int(by.L11[g[0]]), int(by.L21[g[0]])
-        levels.setdefault(int(nodes.level[g[0]]), []).append(Alike(pivots, around, *begins, passed[number]))
-    return Analysis(order, [_level(alike) for alike in levels.values()], place, by.size)
+        levels.setdefault(int(nodes.level[g[0]]), []).append(Alike(pivots, around, int(begin[g[0]])))
+    return Analysis(order, by_front, fronts, [_level(alike) for alike in levels.values()], int(np.sum(ns * (ns + nb))))
 
 
-def _by_size(level: Index, ns: Index, nb: Index) -> Sizes:
-    """Fronts by level, the deepest first, and size; ns, nb (f,) are their pivots and unknowns in the boundary."""
+def _by_size(level: Index, ns: Index, nb: Index) -> tuple[list[Index], Index]:
+    """Fronts by level, the deepest first, and size, and where the values of each (f,) begin; ns, nb (f,) are their
+    pivots and unknowns in the boundary."""
     by_size = np.lexsort((nb, ns, -level))
     groups = np.split(by_size, np.flatnonzero(np.diff(np.stack([level, ns, nb])[:, by_size]).any(axis=0)) + 1)
-    number, among, L11, L21 = (np.empty_like(ns) for _ in range(4))
-    begin = 0
-    for k, g in enumerate(groups):
-        s, b = int(ns[g[0]]), int(nb[g[0]])
-        number[g], among[g] = k, np.arange(len(g))
-        # of one group all L11, then all L21
-        L11[g] = begin + among[g] * s * s
-        L21[g] = begin + len(g) * s * s + among[g] * s * b
-        begin += len(g) * s * (s + b)
-    return Sizes(groups, number, among, L11, L21, begin)
+    size = (ns * (ns + nb))[by_size]
+    begin = np.empty_like(ns)
+    begin[by_size] = np.cumsum(size) - size
+    return groups, begin
 
 
 def _level(groups: Sequence[Alike]) -> Level:
@@ -149,7 +141,7 @@ def _level(groups: Sequence[Alike]) -> Level:
 
 
 def _runs(boundary: Index, start: Index, first: Index, parent: Index, key: Index, m: int) -> list[Runs]:
-    """The runs of every front, see `Passed`; `key` (boundaries,) is front * m + unknown, sorted."""
+    """The runs of every front; `key` (boundaries,) is front * m + unknown, sorted."""
     f = len(parent)
     own = np.repeat(np.arange(f), np.diff(start))
     up = parent[own]  # whoever has a boundary has a parent
@@ -164,37 +156,24 @@ def _runs(boundary: Index, start: Index, first: Index, parent: Index, key: Index
     return [tuple(each) for each in runs]
 
 
-def _passed(by: Sizes, parent: Index, runs: Sequence[Runs]) -> list[list[Passed]]:
-    """By group, what becomes of updates: fronts of it that have the same runs, their parents in one group."""
-    by_parent = np.argsort(parent, kind="stable")
-    sibling = np.empty_like(parent)  # the how manieth child of its parent
-    sibling[by_parent] = np.arange(len(parent)) - np.searchsorted(parent[by_parent], parent[by_parent])
-    found: list[list[Passed]] = []
-    for g in by.groups:
-        alike: dict[tuple[int, int, Runs], list[int]] = {}
-        for k in g.tolist():
-            if runs[k]:
-                alike.setdefault((int(by.number[parent[k]]), int(sibling[k]), runs[k]), []).append(k)
-        found.append([])
-        for (group, _, of), fronts in alike.items():
-            own, to = by.among[fronts], by.among[parent[fronts]]
-            places = _places(of, len(fronts))
-            ends = (own, to) if places is not None else (_sliced(own), _sliced(to))
-            found[-1].append(Passed(ends[0], group, ends[1], of, places))
-    return found
+def _children(parent: Index, runs: Sequence[Runs]) -> list[list[tuple[int, Sequence[Block]]]]:
+    """Of every front its children and what they pass on."""
+    known: dict[Runs, Sequence[Block]] = {}
+    children: list[list[tuple[int, Sequence[Block]]]] = [[] for _ in runs]
+    for k, (up, of) in enumerate(zip(parent.tolist(), runs, strict=True)):
+        if of:
+            if of not in known:
+                known[of] = _blocks(of)
+            children[up].append((k, known[of]))
+    return children
 
 
-def _sliced(index: Index) -> Index | slice:
-    """The index (k,) as a slice, which copies nothing, if it rises in equal steps."""
-    step = int(index[1] - index[0]) if len(index) > 1 else 1
-    equal = step > 0 and np.array_equal(index, index[0] + step * np.arange(len(index)))
-    return slice(int(index[0]), int(index[-1]) + 1, step) if equal else index
-
-
-def _places(runs: Runs, fronts: int) -> tuple[Index, Index] | None:
-    """The `places` of so many fronts with the same runs, None where runs are quicker."""
-    if fronts * runs[-1][1] ** 2 >= BY_INDEX * len(runs) * (len(runs) + 1) // 2:
-        return None
-    of = [(np.arange(to, to + stop - start), among) for start, stop, to, among in runs]
-    pivots, around = ([at for at, among in of if among is which] for which in (True, False))
-    return np.concatenate([np.empty(0, np.intp), *pivots]), np.concatenate([np.empty(0, np.intp), *around])
+def _blocks(runs: Runs) -> Sequence[Block]:
+    """The lower triangle of an update, by columns, cut into runs."""
+    blocks = []
+    for j, (start, stop, to, among_pivots) in enumerate(runs):
+        for above, below, at, also in runs[j:]:
+            into = slice(to, to + stop - start), slice(at, at + below - above)
+            part = 2 if not among_pivots else 0 if also else 1
+            blocks.append(Block(part, into, (slice(start, stop), slice(above, below))))
+    return blocks

@@ -92,7 +92,7 @@ class Coarsest(NamedTuple):
         data = K.entries.ravel()[self.entry]
         diagonal = data[self.diagonal]
         data[self.diagonal] = np.where(diagonal > 0, diagonal * (1 + SHIFT), 1)
-        inside = self.cholesky.unchecked(data, np.float32)[0]
+        inside = self.cholesky.unchecked(data, np.float32)
 
         def solve(f: Array) -> Array:
             u = np.zeros_like(f)

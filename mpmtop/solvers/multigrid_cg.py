@@ -123,8 +123,8 @@ class IteratedSolve:
         K, unknown = self.K, self.unknown
         residual = np.zeros(K.stencil.size)
         residual[unknown] = b
-        # half, so that what rounding adds to the residual does not call for another solve
-        goal = self.tolerance / 2 * np.linalg.norm(b)
+        # a little less, so that what rounding adds to the residual does not call for another solve
+        goal = 0.9 * self.tolerance * np.linalg.norm(b)
         u, direction, last = np.zeros_like(residual), np.zeros_like(residual), np.inf
         for _ in range(MAX_ITERATIONS + 1):
             size = np.linalg.norm(residual)

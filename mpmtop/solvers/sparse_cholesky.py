@@ -1,12 +1,12 @@
 """Sparse Cholesky: multifrontal on a nested dissection, in BLAS and LAPACK.
 
 Every front of the dissection is dense: its pivots L11, what couples them with its boundary, L21, and the update that
-their elimination leaves there, C = sum of the children's - L21 L21^T. K's entries go to L11 and L21 in one pass, a
-child's update goes to its parent's three parts by runs of neighbours: all indices are known from the pattern.
+their elimination leaves there, C = sum of the children's - L21 L21^T. A child's update goes to its parent's three parts
+by runs of neighbours: all indices are known from the pattern.
 
-Nearly all fronts are small, and time would go to calling for each of them. So those of one size on one level of the
-dissection, which do not meet, pass their updates on together, and are solved together; for that L11 is inverted once,
-which is as stable as solving with it (Higham, Accuracy and Stability of Numerical Algorithms, 2nd ed., Sect. 14.2).
+Nearly all fronts are small, and time would go to calling for each of them where little is computed: so those of one
+size on one level of the dissection, which do not meet, are solved with together; for that L11 is inverted once, which
+is as stable as solving with it (Higham, Accuracy and Stability of Numerical Algorithms, 2nd ed., Sect. 14.2).
 Sources: Duff and Reid (1983), ACM Trans. Math. Softw. 9:302; Liu (1992), SIAM Rev. 34:82.
 """
 
@@ -23,7 +23,7 @@ from scipy.linalg.lapack import dpotrf, dtrtri
 from mpmtop.arrays import Array, Index, distinct
 from mpmtop.solvers.checked import checked_factor
 from mpmtop.solvers.dissection import dissect
-from mpmtop.solvers.fronts import Alike, Analysis, Passed, analyse
+from mpmtop.solvers.fronts import Analysis, Front, analyse
 from mpmtop.solvers.pattern import Pattern, SingularMatrix, Solve
 
 LEAF = 32
@@ -58,36 +58,34 @@ class SparseCholesky:
 
     def factor(self, data: Array, tolerance: float | None = None) -> Solve:
         """Factorise; SingularMatrix if a pivot is not positive."""
-        solve, pivot, diagonal = self.unchecked(data)
-        return checked_factor(solve, diagonal, pivot / diagonal)
+        values = self._eliminated(data, np.float64)
+        pivot = np.empty(self.pattern.m)
+        for group in (group for level in self.analysis.levels for group in level.groups):
+            root = np.diagonal(group.columns(values)[0], axis1=1, axis2=2)
+            pivot[self.analysis.order[group.pivots]] = root**-2 if group.pivots.shape[1] <= INVERTED else root**2
+        diagonal = data[self._diagonal]
+        return checked_factor(partial(_solve, self.analysis, values), diagonal, pivot / diagonal)
 
-    def unchecked(self, data: Array, dtype: type[np.floating] = np.float64) -> tuple[Solve, Array, Array]:
-        """Factorisation, its pivots and K's diagonal, (m,) each; SingularMatrix only where no pivot is left. L is kept,
-        and solved with, in a `dtype`."""
-        order, levels, place, size = self.analysis
-        groups = [group for level in levels for group in level.groups]
-        values = np.zeros(size)
-        values[place] = data
-        diagonal = self._diagonal(groups, values)
+    def unchecked(self, data: Array, dtype: type[np.floating]) -> Solve:
+        """Factorise; SingularMatrix only where no pivot is left. L is kept, and solved with, in a `dtype`."""
+        return partial(_solve, self.analysis, self._eliminated(data, dtype))
+
+    def _eliminated(self, data: Array, dtype: type[np.floating]) -> Array:
+        """The values of all L11, the small ones inverted, and L21."""
+        diagonal = data[self._diagonal]
         if np.min(diagonal) <= 0:
             raise SingularMatrix(int(np.argmin(diagonal)))
-        failed = _eliminate(groups, values)
+        values = np.empty(self.analysis.size, dtype)
+        failed = _eliminate(self.analysis.fronts, data[self.analysis.by_front], values)
         if failed is not None:
-            raise SingularMatrix(int(order[failed]))
-        pivot = self._diagonal(groups, values) ** 2
-        for group in groups:
-            if group.pivots.shape[1] <= INVERTED:
-                for L11 in group.columns(values)[0]:
-                    dtrtri(L11.T, lower=1, overwrite_c=1)
-        return partial(_solve, self.analysis, values.astype(dtype, copy=False)), pivot, diagonal
+            raise SingularMatrix(int(self.analysis.order[failed]))
+        return values
 
-    def _diagonal(self, groups: Sequence[Alike], values: Array) -> Array:
-        """What is on the diagonal of all L11, by unknown (m,)."""
-        diagonal = np.empty(self.pattern.m)
-        for group in groups:
-            L11 = group.columns(values)[0]
-            diagonal[self.analysis.order[group.pivots]] = np.diagonal(L11, axis1=1, axis2=2)
-        return diagonal
+    @cached_property
+    def _diagonal(self) -> Index:
+        """Which entries (m,) are on the diagonal, by unknown."""
+        entry = np.flatnonzero(self.pattern.row == self.pattern.col)
+        return entry[np.argsort(self.pattern.row[entry])]
 
 
 def _distinct(position: Array) -> tuple[Index, Index]:
@@ -108,52 +106,36 @@ def _positions(pattern: Pattern) -> Array:
     return pattern.lattice.node * np.asarray(pattern.lattice.h)
 
 
-def _eliminate(groups: Sequence[Alike], values: Array) -> int | None:
-    """Turn the values of K into those of L; the unknown, by its place in the order, that has no positive pivot."""
-    updates: dict[int, Array] = {}  # (k, nb, nb) of groups that are still to come, triangles by columns
-    for number, group in enumerate(groups):
-        L11, L21 = group.columns(values)
-        for k, L in enumerate(L11):
-            failed = dpotrf(L.T, lower=1, clean=0, overwrite_a=1)[1]
-            if failed:
-                return int(group.pivots[k, 0]) + failed - 1
-        nb = L21.shape[2]
-        if nb == 0:
-            continue
-        update = updates.pop(number) if number in updates else np.zeros((len(L11), nb, nb))
-        for L, below, left in zip(L11, L21, update, strict=True):
-            dtrsm(1.0, L.T, below.T, side=1, lower=1, trans_a=1, overwrite_b=1)
-            dsyrk(-1.0, below.T, beta=1.0, c=left.T, lower=1, overwrite_c=1)
-        for passed in group.passed:
-            up11, up21 = groups[passed.group].columns(values)
-            if passed.group not in updates:
-                updates[passed.group] = np.zeros((len(up21), up21.shape[2], up21.shape[2]))
-            _add(passed, update, up11, up21, updates[passed.group])
+def _eliminate(fronts: Sequence[Front], entries: Array, values: Array) -> int | None:
+    """Turn the entries of K, sorted by fronts, into the `values` of L, in double precision before they are stored; the
+    unknown, by its place in the order, that has no positive pivot."""
+    largest = max(front.pivots * (front.pivots + front.boundary) for front in fronts)
+    scratch = None if values.dtype == np.float64 else np.empty(largest)
+    updates: dict[int, Array] = {}  # (nb, nb) of fronts whose parent is still to come, triangles by columns
+    for number, (first, ns, nb, begin, of_front, place, children) in enumerate(fronts):
+        stored = values[begin : begin + ns * (ns + nb)]
+        block = stored if scratch is None else scratch[: len(stored)]
+        block.fill(0)
+        block[place] = entries[of_front]
+        L11, L21 = block[: ns * ns].reshape(ns, ns), block[ns * ns :].reshape(ns, nb)
+        update = np.zeros((nb, nb))
+        for child, passed in children:
+            left = updates.pop(child)
+            for part, into, of in passed:
+                where = (L11, L21, update)[part][into]
+                where += left[of]
+        failed = dpotrf(L11.T, lower=1, clean=0, overwrite_a=1)[1]
+        if failed:
+            return first + failed - 1
+        if nb > 0:
+            dtrsm(1.0, L11.T, L21.T, side=1, lower=1, trans_a=1, overwrite_b=1)
+            dsyrk(-1.0, L21.T, beta=1.0, c=update.T, lower=1, overwrite_c=1)
+            updates[number] = update
+        if ns <= INVERTED:
+            dtrtri(L11.T, lower=1, overwrite_c=1)
+        if scratch is not None:
+            stored[:] = block
     return None
-
-
-def _add(passed: Passed, update: Array, up11: Array, up21: Array, up: Array) -> None:
-    """Add updates (k, nb, nb) to the three parts of their parents, all by columns; above the diagonal all are zero."""
-    own, parent = passed.own, passed.parent
-    if passed.places is not None and isinstance(parent, np.ndarray):
-        pivots, around = passed.places
-        a, left = len(pivots), update[own]
-        for into, columns, rows, of in (
-            (up11, pivots, pivots, left[:, :a, :a]),
-            (up21, pivots, around, left[:, :a, a:]),
-            (up, around, around, left[:, a:, a:]),
-        ):
-            into[parent[:, None, None], columns[:, None], rows] += of
-        return
-    for j, (start, stop, to, column_among) in enumerate(passed.runs):
-        across = slice(to, to + stop - start)
-        for above, below, at, among in passed.runs[j:]:
-            into = up if not column_among else up11 if among else up21
-            where = parent, across, slice(at, at + below - above)
-            part = into[where]
-            part += update[own, start:stop, above:below]
-            if not isinstance(parent, slice):  # it is a copy
-                into[where] = part
 
 
 def _solve(analysis: Analysis, values: Array, b: Array) -> Array:

@@ -97,10 +97,12 @@ class Blocks:
         fine, coarse = (np.moveaxis(K.entries, (1 + axis, 4 + axis), (0, 1)) for K in (self, result))
         even, odd = fine[:, ::2], fine[:, 1::2]
         for x in range(-reach, reach + 2):
-            if x <= reach:
-                coarse[x + reach, : even.shape[1]] += _carried(even, 2 * x)
+            if x <= reach and (carried := _carried(even, 2 * x)) is not None:
+                coarse[x + reach, : even.shape[1]] += carried
+            if (carried := _carried(odd, 2 * x - 1)) is None:
+                continue
             # an odd line is half of the coarse one before it, and half of the one behind
-            half = 0.5 * _carried(odd, 2 * x - 1)
+            half = 0.5 * carried
             if x <= reach:
                 coarse[x + reach, : odd.shape[1]] += half
             if x > -reach:
@@ -108,11 +110,14 @@ class Blocks:
         return result
 
 
-def _carried(lines: Array, x: int) -> Array:
-    """Entries of K P between fine lines, by offset first, and the coarse line whose fine one is x lines away."""
+def _carried(lines: Array, x: int) -> Array | None:
+    """Entries of K P between fine lines, by offset first, and the coarse line whose fine one is x lines away; None
+    where that is too far."""
     r = len(lines) // 2
     beside = [lines[k + r] for k in (x - 1, x + 1) if abs(k) <= r]
-    carried = 0.5 * (beside[0] + beside[1] if len(beside) == 2 else beside[0] if beside else np.zeros_like(lines[0]))
+    if not beside:
+        return None
+    carried = 0.5 * (beside[0] + beside[1] if len(beside) == 2 else beside[0])
     if abs(x) <= r:
         carried += lines[x + r]
     return carried
