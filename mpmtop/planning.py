@@ -40,7 +40,7 @@ def plan(problem: DesignProblem) -> str:
         f"dilatation: {'of each point' if model.transfer.b_bar is None else 'averaged over each cell (B-bar)'}",
         f"ghost faces: {_ghost_plan(model)}",
         f"stiffness: {len(model.stiffness.row)} entries of the lower triangle, {_stiffness_plan(model)}",
-        f"solver: {_solver_plan(model)}",
+        f"solver: {_solver_plan(model, problem.tolerance)}",
         "solves: one for a design, and one more for each step of iterative refinement where rounding calls for it",
         _adjoint_plan(sum(functional.solves for functional in problem.functionals)),
         "stresses: at every point"
@@ -147,8 +147,10 @@ def _ghost_plan(model: Model) -> str:
     return f"{faces} of {ghost.between} between two cells of the body have a cut cell beside them"
 
 
-def _solver_plan(model: Model) -> str:
+def _solver_plan(model: Model, tolerance: float) -> str:
     if isinstance(model.solver, MultigridCG):
+        if model.solver.too_tight(tolerance):
+            return f"SparseCholesky, one factorisation for a design: the criteria ask for a residual of {tolerance:g}"
         return f"MultigridCG, one hierarchy for a design; sparse Cholesky where {MAX_ITERATIONS} iterations do not do"
     return f"{type(model.solver).__name__}, one factorisation for a design"
 

@@ -175,6 +175,11 @@ class DesignProblem(DesignVariables):
         return [term.functional for each in (*self._objectives, *self._constraints) for term in each.terms]
 
     @property
+    def tolerance(self) -> float:
+        """Of the residual, over the load: the solver's own, or the criteria's where that is tighter."""
+        return min(self.model.solver.tolerance, *(functional.tolerance for functional in self.functionals))
+
+    @property
     def others(self) -> int:
         """Number of constraints beside that of the volume fraction."""
         return len(self._constraints)
@@ -249,8 +254,7 @@ class DesignProblem(DesignVariables):
     def _analyse(self, rho: Array, filtered: Array | None) -> Evaluation:
         rho = physical_densities(rho, len(self.model.points.volume), "point")
         moduli = self.model.elastic.young * simp(rho, self.design.penal, self.design.contrast)[0]
-        tol = min(self.model.solver.tolerance, *(functional.tolerance for functional in self.functionals))
-        found = states(self.models, moduli, rho, tol)
+        found = states(self.models, moduli, rho, self.tolerance)
         objectives, others = (
             [self._value(each, found, rho) for each in sums] for sums in (self._objectives, self._constraints)
         )

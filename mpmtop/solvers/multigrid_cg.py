@@ -29,7 +29,7 @@ class MultigridCG:
     3.5e-5 at 1e-4, 2e-7 at 1e-5, 1e-8 at 1e-6, the last one by 2.4e-6, 1.3e-6, 3e-10 and 5e-11 (levels down to 1,000
     unknowns): 1e-4 is too much, however right each compliance is, and 1e-5 keeps all to 1e-6.
     A p-norm of stress is off by the tolerance itself, and its optimisation multiplies that by ten in a few
-    iterations: such an objective asks for another one.
+    iterations: such an objective asks for another one. Tolerances below the `tightest` are left to sparse Cholesky.
     Limits: a mechanism that the load does not move goes unseen, unless the whole body moves; the solution is right but
     for it. A piece that hangs on void alone is displaced by what residual is left on it over the void's stiffness: its
     place is known to fewer digits than the objectives, in which it hardly counts.
@@ -39,6 +39,7 @@ class MultigridCG:
     pattern: Pattern
     tolerance: float = 1e-5
     coarsest: int = COARSEST
+    tightest: float = 0.0
 
     @property
     def lattice(self) -> Lattice:
@@ -71,6 +72,9 @@ class MultigridCG:
         Where the iteration does not converge in MAX_ITERATIONS the function returned factors K by sparse Cholesky, once
         for all right sides to come, and raises SingularMatrix if that is singular.
         """
+        tolerance = self.tolerance if tolerance is None else tolerance
+        if self.too_tight(tolerance):
+            return self._direct.factor(data)
         K = assembled(self._places, data)
         diagonal = K.diagonal[self._places.unknown]
         if np.min(diagonal) <= 0:
@@ -82,8 +86,11 @@ class MultigridCG:
             cycle = v_cycle(K, self._steps, self._coarsest)
         except SingularMatrix:  # coarser than the mechanism, which the direct solver names
             return self._direct.factor(data)
-        tolerance = self.tolerance if tolerance is None else tolerance
         return IteratedSolve(K, cycle, self._places.unknown, tolerance, partial(self._direct.factor, data))
+
+    def too_tight(self, tolerance: float) -> bool:
+        """Whether a tolerance is left to sparse Cholesky."""
+        return tolerance < self.tightest
 
     def _check_rigid_motions(self, K: Blocks) -> None:
         """SingularMatrix if the whole body can move: under a load that does not move it, the iteration converges."""

@@ -10,9 +10,10 @@ is as stable as solving with it (Higham, Accuracy and Stability of Numerical Alg
 Sources: Duff and Reid (1983), ACM Trans. Math. Softw. 9:302; Liu (1992), SIAM Rev. 34:82.
 """
 
+import weakref
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
@@ -58,34 +59,73 @@ class SparseCholesky:
 
     def factor(self, data: Array, tolerance: float | None = None) -> Solve:
         """Factorise; SingularMatrix if a pivot is not positive."""
-        values = self._eliminated(data, np.float64)
+        factored = Factored(self, data, np.float64)
+        values = factored.values()
         pivot = np.empty(self.pattern.m)
         for group in (group for level in self.analysis.levels for group in level.groups):
             root = np.diagonal(group.columns(values)[0], axis1=1, axis2=2)
             pivot[self.analysis.order[group.pivots]] = root**-2 if group.pivots.shape[1] <= INVERTED else root**2
         diagonal = data[self._diagonal]
-        return checked_factor(partial(_solve, self.analysis, values), diagonal, pivot / diagonal)
+        return checked_factor(factored, diagonal, pivot / diagonal)
 
     def unchecked(self, data: Array, dtype: type[np.floating]) -> Solve:
         """Factorise; SingularMatrix only where no pivot is left. L is kept, and solved with, in a `dtype`."""
-        return partial(_solve, self.analysis, self._eliminated(data, dtype))
+        factored = Factored(self, data, dtype)
+        factored.values()
+        return factored
 
-    def _eliminated(self, data: Array, dtype: type[np.floating]) -> Array:
-        """The values of all L11, the small ones inverted, and L21."""
+    def eliminated(self, data: Array, values: Array) -> None:
+        """Fill in the `values` of all L11, the small ones inverted, and L21."""
         diagonal = data[self._diagonal]
         if np.min(diagonal) <= 0:
             raise SingularMatrix(int(np.argmin(diagonal)))
-        values = np.empty(self.analysis.size, dtype)
         failed = _eliminate(self.analysis.fronts, data[self.analysis.by_front], values)
         if failed is not None:
             raise SingularMatrix(int(self.analysis.order[failed]))
-        return values
+
+    @cached_property
+    def latest(self) -> "weakref.WeakValueDictionary[type[np.floating], Factored]":
+        """The factorisation that has values, of each type."""
+        return weakref.WeakValueDictionary()
+
+    def __getstate__(self) -> dict[str, object]:
+        return {name: value for name, value in self.__dict__.items() if name != "latest"}
 
     @cached_property
     def _diagonal(self) -> Index:
         """Which entries (m,) are on the diagonal, by unknown."""
         entry = np.flatnonzero(self.pattern.row == self.pattern.col)
         return entry[np.argsort(self.pattern.row[entry])]
+
+
+class Factored:
+    """K x = b for b (m,) or (m, k).
+
+    The values of L are most of what a large analysis holds, and an optimisation has the last design in hand while it
+    factors the next: so of one solver only the latest factorisation keeps them, where those of the one before were, and
+    that one is made anew if it is asked again.
+    """
+
+    def __init__(self, solver: SparseCholesky, data: Array, dtype: type[np.floating]) -> None:
+        self.solver, self.data, self.dtype = solver, data, dtype
+        self.kept: Array | None = None
+
+    def __call__(self, b: Array) -> Array:
+        """x."""
+        return _solve(self.solver.analysis, self.values(), b)
+
+    def values(self) -> Array:
+        """Of all L11, the small ones inverted, and L21."""
+        if self.kept is None:
+            latest, values = self.solver.latest.pop(self.dtype, None), None
+            if latest is not None:
+                values, latest.kept = latest.kept, None
+            if values is None:
+                values = np.empty(self.solver.analysis.size, self.dtype)
+            self.solver.eliminated(self.data, values)
+            self.kept = values
+            self.solver.latest[self.dtype] = self
+        return self.kept
 
 
 def _distinct(position: Array) -> tuple[Index, Index]:

@@ -11,6 +11,7 @@ import pytest
 
 from mpmtop.arrays import Array
 from mpmtop.objectives import STRESS_TOLERANCE
+from mpmtop.planning import plan
 from mpmtop.solvers import MultigridCG, multigrid
 from validation.studies.scale.sizes import (
     OBJECTIVES,
@@ -74,13 +75,22 @@ def test_exponents() -> None:
     assert exponents({"band": 3e-9 * points**2.0}, points)["band"] == pytest.approx(2)
 
 
-def test_the_solver_is_held_to_what_the_objective_sees(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("mpmtop.solvers.MULTIGRID_FROM", 0)
-    problems = [problem_of(40, objective) for objective in OBJECTIVES]
+def test_the_solver_is_held_to_what_the_objective_sees() -> None:
+    problems = [problem_of(40, objective, MultigridCG) for objective in OBJECTIVES]
     assert all(isinstance(problem.model.solver, MultigridCG) for problem in problems)
     compliance, p_norm = (problem.evaluate(problem.x0).state for problem in problems)
     assert (compliance.tol, p_norm.tol) == (MultigridCG.tolerance, STRESS_TOLERANCE)
     assert compliance.residual <= compliance.tol and p_norm.residual <= p_norm.tol
+
+
+def test_a_tight_tolerance_is_left_to_sparse_cholesky(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of large problems: no cycle for a p-norm, and the table and the plan name what solved."""
+    monkeypatch.setattr("mpmtop.solvers.MULTIGRID_FROM", 0)
+    compliance, p_norm = (measurement(40, objective, 1) for objective in OBJECTIVES)
+    assert (compliance.solver, p_norm.solver) == ("MultigridCG", "SparseCholesky")
+    assert compliance.cycles[0] > 0 and p_norm.cycles[0] == 0
+    for objective, asked in (("compliance", "solver: MultigridCG"), ("p-norm", "solver: SparseCholesky")):
+        assert asked in plan(problem_of(40, objective))
 
 
 @pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="Linux tells the peak of one process alone")

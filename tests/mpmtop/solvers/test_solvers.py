@@ -1,5 +1,6 @@
 """All solvers through one table: the same systems, the same answers, the same refusals."""
 
+import pickle
 from collections.abc import Callable
 
 import numpy as np
@@ -25,6 +26,7 @@ from mpmtop.solvers import (
     choose_solver,
 )
 from mpmtop.solvers.dissection import dissect
+from mpmtop.solvers.sparse_cholesky import Factored
 from tests.mpmtop.solvers.table import ALL, EXACT
 from tests.scenes import cantilever
 
@@ -198,3 +200,20 @@ def test_choice_by_size() -> None:
     assert chosen == [BandedCholesky, SparseCholesky, SparseCholesky, MultigridCG]
     assert isinstance(choose_solver(Pattern(100_000, row, col)), SparseCholesky)  # on no lattice
     assert isinstance(discretise(cantilever().body, 1.0, solver=SuperLU).solver, SuperLU)
+
+
+def test_a_solver_keeps_its_latest_factorisation_and_makes_the_others_anew() -> None:
+    """Asked in turn, two factorisations of one solver answer as each alone, to the last bit."""
+    (pattern, soft, b), (_, stiff, _) = system("tent", 1e-9), system("tent", 1e-2)
+    alone = [SparseCholesky(pattern).factor(data)(b) for data in (soft, stiff)]
+    solver = SparseCholesky(pattern)
+    first, second = solver.factor(soft), solver.factor(stiff)
+    assert isinstance(first, Factored) and isinstance(second, Factored)
+    assert first.kept is None and second.kept is not None
+    values = second.kept
+    for _ in range(2):
+        np.testing.assert_array_equal(first(b), alone[0])
+        assert first.kept is values and second.kept is None
+        np.testing.assert_array_equal(second(b), alone[1])
+    copy = pickle.loads(pickle.dumps(solver))
+    np.testing.assert_array_equal(copy.factor(soft)(b), alone[0])

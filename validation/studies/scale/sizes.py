@@ -210,7 +210,9 @@ def measurement(nx: int, objective: str, iterations: int, body: str = "cantileve
             objectives.append(next(run).objective)
         spent.append(dict(clock.spent))
         cycles.append(clock.cycles)
-    size = len(model.points.x), len(model.stiffness.dof), type(model.solver).__name__
+    solver = model.solver
+    direct = isinstance(solver, MultigridCG) and solver.too_tight(problem.tolerance)
+    size = len(model.points.x), len(model.stiffness.dof), (SparseCholesky if direct else type(solver)).__name__
     return Measurement(*size, built, spent[2:], np.array(cycles[2:]), np.array(objectives))
 
 

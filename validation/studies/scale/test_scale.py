@@ -3,9 +3,10 @@
 One iteration of the cantilever's optimisation by standard MPM, for compliance and for the p-norm of stress (p = 12,
 q = 0.5), on ever finer grids: its phases per material point, how they grow, and memory. The filter's radius is three
 point spacings at every size. Below `MULTIGRID_FROM` unknowns K is factored by Cholesky, from there on conjugate
-gradients with geometric multigrid solve, to a residual of 1e-5 (1e-8 for the p-norm). Seconds of CPU, one thread,
-medians over iterations of GCMMA with one solve each, from the uniform start: on the timings page up to 125,000 points;
-on the benchmark page to two millions, each size in a process of its own, whose largest memory is given.
+gradients with geometric multigrid solve, to a residual of 1e-5; the p-norm asks for 1e-8 and for an adjoint, and its K
+is factored at any size. Seconds of CPU, one thread, medians over iterations of GCMMA with one solve each, from the
+uniform start: on the timings page up to 125,000 points; on the benchmark page to two millions, each size in a process
+of its own, whose largest memory is given.
 """
 
 from collections.abc import Callable, Iterable
@@ -185,7 +186,8 @@ def rounded_up(difference: float) -> float:
 def test_large(report: Report, progress: ShowProgress) -> None:
     """Two million points
 
-    Exponents are fitted from 125,000 points on. The first size is solved by sparse Cholesky, the others by multigrid.
+    Exponents are fitted from 125,000 points on. The first size is solved by sparse Cholesky, the others by multigrid
+    for compliance.
     """
     runs = measured(LARGE, lambda objective, nx: alone(nx, objective, 8), progress)
     growth = recorded(report, runs, LARGE[0] ** 2 // 2)
@@ -233,7 +235,7 @@ def test_whole_runs(report: Report, progress: ShowProgress) -> None:
 def test_whole_stress_run(report: Report) -> None:
     """A whole optimisation of stress
 
-    The p-norm of the L-bracket, 60 iterations: two solves each, to a tighter tolerance.
+    The p-norm of the L-bracket, 60 iterations: two solves each, to a tolerance that multigrid is too dear for.
     """
     run = alone(BRACKET, "p-norm", 60, "L-bracket")
     caption = f"Cycles and CPU seconds of every iteration, L-bracket, {run.points:,} points."
