@@ -84,8 +84,6 @@ class DesignProblem(DesignVariables):
     """Minimise `objective` subject to sum V_p rho_p <= V* sum V_p and `constraints`, over one variable of the `design`
     for each point, in one load case or several `cases`; see `Scene` for what these are.
 
-    An iterative solver is held to its own tolerance, or to the criteria's where that is tighter.
-
     The filter measures distances on the design grid: `design_grid`, or the model's points where they have not been
     moved off it. There, too, points are in the design's passive regions or not. Those that are have density 1 or 0 and
     leave the design vector: a variables are left for p points. Passive solid counts in the first sum; the second one is
