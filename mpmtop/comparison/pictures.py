@@ -31,6 +31,7 @@ def design_picture(at: MaterialPoints, rho: Array) -> bytes:
     span = np.ptp(corners.reshape(-1, 2), axis=0)
     wide = WIDTH * min(1.0, span[0] / span[1])
     figure = Figure(figsize=(wide + 0.1, wide * span[1] / span[0] + 0.1))
+    figure.set_layout_engine("none")  # whatever a user has set
     ax = figure.add_axes((0.0, 0.0, 1.0, 1.0))
     plot.cells(ax, corners, rho, cmap=plot.DENSITY, limits=(0.0, 1.0), outlined=True)
     plot.frame(ax, corners).set_axis_off()
