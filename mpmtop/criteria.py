@@ -231,8 +231,19 @@ def check_criterion(what: str, value: object) -> None:
         )
 
 
+def own_value(criterion: OwnCriterion, at: Response) -> float:
+    """J of a criterion of one's own; InvalidScene unless it is one number."""
+    value = criterion.value(at)
+    try:
+        return float(np.reshape(value, ()))
+    except (TypeError, ValueError) as error:
+        raise InvalidScene(f"{type(criterion).__name__}.value is no number ({error}): return one") from error
+
+
 def check_sensitivity(criterion: OwnCriterion, by: Sensitivity, at: Response) -> None:
-    """InvalidScene where a derivative is not of its field's shape."""
+    """InvalidScene unless it is a Sensitivity, each derivative of its field's shape."""
+    if not isinstance(by, Sensitivity):
+        raise InvalidScene(f"{type(criterion).__name__}.gradient gave a {type(by).__name__}: return a `Sensitivity`")
     for name, part in by._asdict().items():
         field = getattr(at, name)
         if part is not None and np.shape(part) != field.shape:

@@ -21,6 +21,7 @@ from mpmtop.criteria import (
     StressWeight,
     Volume,
     check_sensitivity,
+    own_value,
 )
 from mpmtop.equilibrium import Derivative, Equilibrium
 from mpmtop.material import by_material, von_mises, von_mises_form
@@ -76,7 +77,7 @@ def objective(stated: Criterion, model: Model, volume_share: Array) -> Objective
                 lambda model, state, rho: float(unit @ state.u), lambda model, state, rho: Derivative(u=unit)
             )
     return Objective(
-        lambda model, state, rho: float(stated.value(response(model, state, rho))),
+        lambda model, state, rho: own_value(stated, response(model, state, rho)),
         partial(_own_derivative, stated),
         of_stress=True,
         tolerance=STRESS_TOLERANCE,

@@ -21,6 +21,7 @@ from mpmtop.criteria import (
     StressMeasure,
     Volume,
     check_sensitivity,
+    own_value,
 )
 from mpmtop.errors import InvalidScene
 from reference_fem.adjoint import Derivative
@@ -119,7 +120,7 @@ def own_criterion(model: FemModel, stated: OwnCriterion, reference: Array) -> Ob
         by_rho = None if by.rho is None else np.reshape(by.rho, (-1, g)).sum(axis=1)
         return Derivative(by_rho, by_u if np.any(by_u) else None)
 
-    return Objective(lambda model, rho, u: float(stated.value(response(rho, u))), derivative)
+    return Objective(lambda model, rho, u: own_value(stated, response(rho, u)), derivative)
 
 
 def p_norm_stress(

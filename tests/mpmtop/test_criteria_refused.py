@@ -23,6 +23,24 @@ class Wrong(Own):
         return Sensitivity(displacement=np.zeros(3))
 
 
+@dataclass(frozen=True)
+class PointWise(Own):
+    def value(self, at: Response) -> float:
+        return at.volume  # type: ignore[return-value]
+
+
+@dataclass(frozen=True)
+class Silent(Own):
+    def value(self, at: Response) -> float:
+        return None  # type: ignore[return-value]
+
+
+@dataclass(frozen=True)
+class OneArray(Own):
+    def gradient(self, at: Response) -> Sensitivity:
+        return at.rho  # type: ignore[return-value]
+
+
 WRONG: dict[str, tuple[Callable[[], object], str]] = {
     "beta": (lambda: Projection(0.0), "beta 0.0 of a projection"),
     "beta, infinite": (lambda: Projection(np.inf), "beta inf"),
@@ -55,6 +73,9 @@ WRONG: dict[str, tuple[Callable[[], object], str]] = {
     "least volume": (lambda: problem(Volume()), "least volume under no constraint"),
     "q": (lambda: problem(constraints=(AtMost(PNormStress(8, 3.0), 1.0),)), "below the penalty"),
     "sensitivity": (lambda: (of := problem(Wrong())).gradient(of.evaluate(of.x0)), "d/ddisplacement has shape"),
+    "a value for each point": (lambda: (of := problem(PointWise())).evaluate(of.x0), "PointWise.value is no number"),
+    "no value": (lambda: (of := problem(Silent())).evaluate(of.x0), "Silent.value is no number"),
+    "an array": (lambda: (of := problem(OneArray())).gradient(of.evaluate(of.x0)), "a ndarray: return a `Sensitivity`"),
     "held": (lambda: problem(cases=(LoadCase((PositionLoad((0.0, 1.0), (1, 0)),)),)), "do no work"),
     "nowhere": (lambda: problem(Displacement((9, 9), (1, 0))), "a load acts at"),
     "no node": (lambda: problem(cases=(LoadCase((TIP,), supports=(Support(Rectangle((8, 8), (9, 9))),)),)), "no node"),
