@@ -35,6 +35,8 @@ def optimise(asked: Asked, folder: Path, *, every: int | None, live: bool) -> st
 
     ended = optimised(asked, prepared, checkpoint, progress, followed)
     _write(asked, prepared, ended, folder)
+    if ended.remark:
+        say(f"warning, {ended.remark}")
     return (
         f"{label(method, crossing)}: {number(ended.objective[-1], 6)} after {len(ended.objective) - 1} iterations "
         f"({ended.outcome}){f'; {ended.error}' if ended.error else ''}. Written to {folder}"

@@ -20,6 +20,7 @@ from mpmtop.comparison.asked import METHODS, NONE, Asked
 from mpmtop.comparison.judging import Truth, cut_truth, judge_of
 from mpmtop.comparison.methods import Prepared, prepare
 from mpmtop.comparison.progress import Progress, say
+from mpmtop.criteria import NothingMoves, PlaceInVoid
 from mpmtop.errors import NotConverged, PointOutsideGrid, UnsupportedBody
 from mpmtop.optimizers import optimize
 from mpmtop.optimizers.checkpoint import CheckpointError
@@ -36,7 +37,7 @@ STOPS = (NotConverged, UnsupportedBody, PointOutsideGrid)
 @dataclass(frozen=True)
 class Numbers:
     """What a run came to, beside its arrays: how it ended, its analyses, and the truth of its design, `cut` to black
-    and white, too. `error` says what ended it before its time, "" if nothing did."""
+    and white, too. `error` says what ended it before its time, `remark` what the design warns of, "" for nothing."""
 
     outcome: str
     solves: int
@@ -45,6 +46,7 @@ class Numbers:
     cut: float
     cut_violation: float
     error: str = ""
+    remark: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,8 +104,8 @@ def run_of(asked: Asked, method: str, crossing: str, folder: Path, live: bool) -
 
 
 class Ended(NamedTuple):
-    """What an optimisation came to: densities (p,), histories (k + 1,), analyses, how it ended, and the error that
-    ended it before its time, "" if none did."""
+    """What an optimisation came to: densities (p,), histories (k + 1,), analyses, how it ended, the error that ended it
+    before its time, and what the last design warns of, "" for none."""
 
     rho: Array
     objective: Array
@@ -111,6 +113,7 @@ class Ended(NamedTuple):
     solves: int
     outcome: str
     error: str
+    remark: str
 
 
 Follow = Callable[[Iterator[Any]], Iterator[Any]]
@@ -132,7 +135,9 @@ def optimised(asked: Asked, prepared: Prepared, checkpoint: Path, progress: Prog
         error = str(stop)
     rows = np.array([history[k] for k in range(last.iteration + 1)])
     outcome = "stopped" if error else last.outcome.replace("_", " ")
-    return Ended(last.evaluation.rho, rows[:, 0], rows[:, 1], last.solves, outcome, error)
+    remarks = getattr(prepared.problem, "remarks", lambda evaluation: ())(last.evaluation)
+    remark = ". ".join(str(each) for each in remarks)
+    return Ended(last.evaluation.rho, rows[:, 0], rows[:, 1], last.solves, outcome, error, remark)
 
 
 def _iterates(asked: Asked, problem: Any, checkpoint: Path) -> Iterator[Any]:
@@ -142,7 +147,8 @@ def _iterates(asked: Asked, problem: Any, checkpoint: Path) -> Iterator[Any]:
         )
 
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", Infeasible)  # the outcome says so
+        for told in (Infeasible, NothingMoves, PlaceInVoid):  # by the outcome, by the remark
+            warnings.simplefilter("ignore", told)
         iterates = iter(again())
         try:
             first = next(iterates)
@@ -172,7 +178,8 @@ def _judged(asked: Asked, prepared: Prepared, ended: Ended) -> Run:
     grey, cut = (judge(design) for design in (ended.rho, thresholded(ended.rho, at.volume)))
     cut = cut_truth(asked, grey, cut)
     numbers = Numbers(
-        ended.outcome, ended.solves, grey.objective, grey.violation, cut.objective, cut.violation, ended.error
+        *(ended.outcome, ended.solves, grey.objective, grey.violation, cut.objective, cut.violation),
+        *(ended.error, ended.remark),
     )
     return Run(ended.rho, ended.objective, ended.constraint, numbers)
 

@@ -314,6 +314,7 @@ def _mind(found: Comparison) -> list[str]:
     said += _distrust(found)
     said += [f"{entry.label} cannot be asked: {entry.refusal}." for entry in found.entries if entry.refusal]
     said += [f"{e.label} stopped: {e.run.numbers.error}." for e in found.found if e.run and e.run.numbers.error]
+    said += [f"{e.label}: {e.run.numbers.remark}." for e in found.found if e.run and e.run.numbers.remark]
     short = [e for e in found.found if e.run and e.run.numbers.outcome in ("max iterations", "infeasible")]
     if short:
         each = _row([f"{e.label} ({e.run.numbers.outcome})" for e in short if e.run])

@@ -6,15 +6,21 @@ import re
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 import mpmtop
+from mpmtop.comparison.asked import ask
 from mpmtop.comparison.command import DONE, MOVED, WRONG, main
 from mpmtop.comparison.compare import compare
+from mpmtop.comparison.one import optimise
+from mpmtop.criteria import AtMost, Displacement
 from mpmtop.optimizers import checkpoint
+from mpmtop.region import Rectangle
 from reference_fem.reanalyse import reanalyse
 from tests.mpmtop.comparison.scenes import BEAM, SMALL
 
@@ -154,6 +160,20 @@ def test_one_method_is_optimised_and_goes_on(folder: Path, capsys: pytest.Captur
         assert (folder / "one" / name).stat().st_size > 0
     before = (folder / "one" / "history.csv").read_bytes()
     assert main(command) == DONE and (folder / "one" / "history.csv").read_bytes() == before
+
+
+def test_a_limit_met_in_void_is_told_on_the_page_and_by_the_command(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A place in passive void, by either solver."""
+    design = replace(BEAM.design, passive_void=Rectangle((3, 3), (5, 4)))
+    limited = replace(BEAM, design=design, constraints=(AtMost(Displacement((4.0, 4.0), (0.0, -1.0)), 1e3),))
+    asked: dict[str, Any] = {"h": 1.0, "iterations": 2, "crossing": ("none",)}
+    page = compare(limited, methods=("fem", "mpm"), out=tmp_path, **asked).page.read_text()
+    for method in ("FEM", "MPM"):
+        assert re.search(rf"{method}: the displacement [\d.e+]+ at \(4.0, 4.0\) is that of void", page)
+    optimise(ask(limited, methods=("mpm",), **asked), tmp_path / "one", every=None, live=False)
+    assert "warning, the displacement" in capsys.readouterr().err
 
 
 def test_new_writes_a_scene_that_reads(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -23,8 +23,6 @@ def compared(name: str, folder: Path) -> Comparison:
     return write(ask(scene, **few), folder, "a test", jobs=1, hours=1.0, live=False).found
 
 
-# three iterations are too few for the inverter to connect its ports
-@pytest.mark.filterwarnings("ignore::mpmtop.criteria.NothingMoves")
 @pytest.mark.slow
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_an_example_runs_to_its_page(name: str, tmp_path: Path) -> None:

@@ -125,10 +125,11 @@ def test_own_values_that_mislead_are_warned_of() -> None:
 def test_what_failed_stopped_or_hangs_on_void_is_told() -> None:
     refused = Entry(MPM, NONE, None, None, refusal="no node is held")
     stopped = entry(SPLINE, 100.0, 100.0, outcome="stopped", error="Newton's method failed")
-    short = entry(FEM, 100.0, 100.0, cut=np.nan, outcome="max iterations")
+    short = entry(FEM, 100.0, 100.0, cut=np.nan, outcome="max iterations", remark="a place is that of void")
     told = said(comparison(refused, stopped, short, error=-0.004))
     assert "MPM cannot be asked: no node is held" in told["Mind"]
     assert "quadratic B-splines stopped: Newton's method failed" in told["Mind"]
+    assert "FEM: a place is that of void." in told["Mind"]
     assert "Not converged after 300 iterations at most: FEM (max iterations)" in told["Mind"]
     assert "uncertain by 0.4%" in told["Mind"] and "the load hangs on void with FEM" in told["Cut"]
 
