@@ -215,7 +215,7 @@ def remark(
     if part <= 0.5:
         return None
     return PlaceInVoid(
-        f"the displacement {value:.2g} at {stated.place} is that of void, which stores {part:.0%} of the energy of a "
+        f"the displacement {value:.3g} at {stated.place} is that of void, which stores {part:.0%} of the energy of a "
         "force there. Make the place part of the structure, solid (`passive_solid`) and in the way of the loads, or "
         "ask for the displacement where a load acts"
     )
