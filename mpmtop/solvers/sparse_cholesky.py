@@ -10,11 +10,12 @@ is as stable as solving with it (Higham, Accuracy and Stability of Numerical Alg
 Sources: Duff and Reid (1983), ACM Trans. Math. Softw. 9:302; Liu (1992), SIAM Rev. 34:82.
 """
 
-import weakref
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
+from threading import RLock
 from typing import ClassVar
+from weakref import WeakValueDictionary
 
 import numpy as np
 from scipy.linalg import get_blas_funcs
@@ -44,6 +45,7 @@ class SparseCholesky:
 
     pattern: Pattern
     position: Array | None = None
+    latest: "Latest" = field(default_factory=lambda: Latest(), init=False, repr=False)
     tolerance: ClassVar[float] = 1e-9
 
     @cached_property
@@ -60,12 +62,12 @@ class SparseCholesky:
     def factor(self, data: Array, tolerance: float | None = None) -> Solve:
         """Factorise; SingularMatrix if a pivot is not positive."""
         factored = Factored(self, data, np.float64)
-        values = factored.values()
-        pivot = np.empty(self.pattern.m)
-        for group in (group for level in self.analysis.levels for group in level.groups):
-            root = np.diagonal(group.columns(values)[0], axis1=1, axis2=2)
-            pivot[self.analysis.order[group.pivots]] = root**-2 if group.pivots.shape[1] <= INVERTED else root**2
-        diagonal = data[self._diagonal]
+        pivot, diagonal = np.empty(self.pattern.m), data[self._diagonal]
+        with self.latest.lock:
+            values = factored.values()
+            for group in (group for level in self.analysis.levels for group in level.groups):
+                root = np.diagonal(group.columns(values)[0], axis1=1, axis2=2)
+                pivot[self.analysis.order[group.pivots]] = root**-2 if group.pivots.shape[1] <= INVERTED else root**2
         return checked_factor(factored, diagonal, pivot / diagonal)
 
     def unchecked(self, data: Array, dtype: type[np.floating]) -> Solve:
@@ -84,18 +86,22 @@ class SparseCholesky:
             raise SingularMatrix(int(self.analysis.order[failed]))
 
     @cached_property
-    def latest(self) -> "weakref.WeakValueDictionary[type[np.floating], Factored]":
-        """The factorisation that has values, of each type."""
-        return weakref.WeakValueDictionary()
-
-    def __getstate__(self) -> dict[str, object]:
-        return {name: value for name, value in self.__dict__.items() if name != "latest"}
-
-    @cached_property
     def _diagonal(self) -> Index:
         """Which entries (m,) are on the diagonal, by unknown."""
         entry = np.flatnonzero(self.pattern.row == self.pattern.col)
         return entry[np.argsort(self.pattern.row[entry])]
+
+
+class Latest:
+    """Of one solver the factorisation that has values, of each type, and the lock of whoever works with them, as a
+    thread may take them away from another; a copy by pickle has none."""
+
+    def __init__(self) -> None:
+        self.lock = RLock()
+        self.of: WeakValueDictionary[type[np.floating], Factored] = WeakValueDictionary()
+
+    def __reduce__(self) -> tuple[type["Latest"], tuple[()]]:
+        return Latest, ()
 
 
 class Factored:
@@ -112,20 +118,22 @@ class Factored:
 
     def __call__(self, b: Array) -> Array:
         """x."""
-        return _solve(self.solver.analysis, self.values(), b)
+        with self.solver.latest.lock:
+            return _solve(self.solver.analysis, self.values(), b)
 
     def values(self) -> Array:
         """Of all L11, the small ones inverted, and L21."""
-        if self.kept is None:
-            latest, values = self.solver.latest.pop(self.dtype, None), None
-            if latest is not None:
-                values, latest.kept = latest.kept, None
-            if values is None:
-                values = np.empty(self.solver.analysis.size, self.dtype)
-            self.solver.eliminated(self.data, values)
-            self.kept = values
-            self.solver.latest[self.dtype] = self
-        return self.kept
+        latest = self.solver.latest
+        with latest.lock:
+            if self.kept is None:
+                values, before = None, latest.of.pop(self.dtype, None)
+                if before is not None:
+                    values, before.kept = before.kept, None
+                if values is None:
+                    values = np.empty(self.solver.analysis.size, self.dtype)
+                self.solver.eliminated(self.data, values)
+                self.kept, latest.of[self.dtype] = values, self
+            return self.kept
 
 
 def _distinct(position: Array) -> tuple[Index, Index]:

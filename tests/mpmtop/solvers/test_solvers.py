@@ -6,6 +6,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from joblib import Parallel, delayed
 
 from mpmtop.arrays import Array
 from mpmtop.body import Support
@@ -217,3 +218,14 @@ def test_a_solver_keeps_its_latest_factorisation_and_makes_the_others_anew() -> 
         np.testing.assert_array_equal(second(b), alone[1])
     copy = pickle.loads(pickle.dumps(solver))
     np.testing.assert_array_equal(copy.factor(soft)(b), alone[0])
+
+
+def test_threads_may_share_a_solver() -> None:
+    """Each has the answers of its own design, though they take the values from each other."""
+    (pattern, soft, b), (_, stiff, _) = system("tent", 1e-9), system("tent", 1e-2)
+    solver = SparseCholesky(pattern)
+    factored = [solver.factor(data) for data in (soft, stiff)]
+    alone = [solve(b) for solve in factored]
+    found = Parallel(n_jobs=4, prefer="threads")(delayed(factored[k % 2])(b) for k in range(40))
+    for k, x in enumerate(found):
+        np.testing.assert_array_equal(x, alone[k % 2])
