@@ -1,7 +1,9 @@
 """All solvers through one table: the same systems, the same answers, the same refusals."""
 
 import pickle
+import sys
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 import pytest
@@ -220,8 +222,10 @@ def test_a_solver_keeps_its_latest_factorisation_and_makes_the_others_anew() -> 
     np.testing.assert_array_equal(copy.factor(soft)(b), alone[0])
 
 
-def test_threads_may_share_a_solver() -> None:
+def test_threads_may_share_a_solver(request: pytest.FixtureRequest) -> None:
     """Each has the answers of its own design, though they take the values from each other."""
+    request.addfinalizer(partial(sys.setswitchinterval, sys.getswitchinterval()))
+    sys.setswitchinterval(1e-5)  # without the lock some fail then
     (pattern, soft, b), (_, stiff, _) = system("tent", 1e-9), system("tent", 1e-2)
     solver = SparseCholesky(pattern)
     factored = [solver.factor(data) for data in (soft, stiff)]
