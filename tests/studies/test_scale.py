@@ -1,5 +1,6 @@
 """The scale study's clock: every CPU second is counted once, and the clock changes no number."""
 
+import os
 import time
 from collections.abc import Callable
 from functools import partial
@@ -19,6 +20,7 @@ from validation.studies.scale.sizes import (
     Clock,
     TimedProblem,
     alone,
+    elapsed,
     evaluations,
     exponents,
     measurement,
@@ -91,6 +93,20 @@ def test_a_tight_tolerance_is_left_to_sparse_cholesky(monkeypatch: pytest.Monkey
     assert compliance.cycles[0] > 0 and p_norm.cycles[0] == 0
     for objective, asked in (("compliance", "solver: MultigridCG"), ("p-norm", "solver: SparseCholesky")):
         assert asked in plan(problem_of(40, objective))
+
+
+def test_threads_are_those_asked_for_and_the_environment_is_left_as_it_was(monkeypatch: pytest.MonkeyPatch) -> None:
+    told = []
+
+    def in_this_process(call: Callable[..., tuple[int, float]], *arguments: object) -> tuple[int, float]:
+        told.append(os.environ["OPENBLAS_NUM_THREADS"])
+        return call(*arguments)
+
+    monkeypatch.setattr("validation.studies.scale.sizes.in_own_process", in_this_process)
+    before = os.environ.get("OPENBLAS_NUM_THREADS")
+    points, seconds = elapsed(40, "compliance", "cantilever", 2)
+    assert points == 800 and seconds > 0
+    assert told == ["2"] and os.environ.get("OPENBLAS_NUM_THREADS") == before
 
 
 @pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="Linux tells the peak of one process alone")

@@ -1,5 +1,6 @@
 """Scale: the phases of an iteration timed apart, from thousands of material points to millions."""
 
+import os
 import re
 import time
 from collections import defaultdict
@@ -233,6 +234,30 @@ def alone(nx: int, objective: str, iterations: int, body: str = "cantilever") ->
 
 def _with_memory(nx: int, objective: str, iterations: int, body: str) -> Measurement:
     return measurement(nx, objective, iterations, body)._replace(peak=peak_memory())
+
+
+def elapsed(nx: int, objective: str, body: str, threads: int) -> tuple[int, float]:
+    """Points, and median seconds by the clock on the wall of an iteration with so many threads of BLAS, in a process of
+    its own."""
+    before = os.environ.get("OPENBLAS_NUM_THREADS")
+    os.environ["OPENBLAS_NUM_THREADS"] = str(threads)
+    try:
+        return in_own_process(_elapsed, nx, objective, body)
+    finally:
+        if before is None:
+            del os.environ["OPENBLAS_NUM_THREADS"]
+        else:
+            os.environ["OPENBLAS_NUM_THREADS"] = before
+
+
+def _elapsed(nx: int, objective: str, body: str) -> tuple[int, float]:
+    problem = problem_of(nx, objective, body=body)
+    run, spent = evaluations(problem, objective), []
+    for _ in range(7):
+        began = time.perf_counter()
+        next(run)
+        spent.append(time.perf_counter() - began)
+    return len(problem.point_volume), float(np.median(spent[2:]))
 
 
 def exponents(seconds: Mapping[str, Array], points: Array) -> dict[str, float]:

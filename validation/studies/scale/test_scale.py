@@ -30,6 +30,7 @@ from validation.studies.scale.sizes import (
     ChosenBy,
     Measurement,
     alone,
+    elapsed,
     exponents,
     iteration_seconds,
     measurement,
@@ -263,6 +264,23 @@ def whole(report: Report, at: str, run: Measurement, median: float) -> None:
         f"CPU seconds of an iteration, largest; {at}", float(run.totals.max()), at_most=10.0, source="our aim"
     )
     report.timing(f"peak memory [GiB]; {at}", run.peak / 2**30, at_most=4.0, source="our aim")
+
+
+@pytest.mark.benchmark
+def test_second_core(report: Report, progress: ShowProgress) -> None:
+    """What a second core gives to one run
+
+    Seconds by the clock on the wall of an iteration, with one thread of BLAS and with two, medians of five. Only dense
+    blocks of a factorisation are shared between threads, so that one is what every run takes unless told otherwise: a
+    second core is better spent on a second scene.
+    """
+    cases = (("cantilever", "compliance", LARGE[1]), ("cantilever", "compliance", LARGE[-1]))
+    for body, objective, nx in progress((*cases, ("L-bracket", "p-norm", BRACKET)), "runs"):
+        (points, one), (_, two) = (elapsed(nx, objective, body, threads) for threads in (1, 2))
+        what = (
+            f"elapsed time of an iteration with two threads over that with one; {body}, {objective}, {points:,} points"
+        )
+        report.timing(what, two / one, source="for comparison")
 
 
 @pytest.mark.benchmark
