@@ -165,12 +165,12 @@ def _eliminate(fronts: Sequence[Front], entries: Array, values: Array) -> int | 
         block = stored if scratch is None else scratch[: len(stored)]
         block.fill(0)
         block[place] = entries[of_front]
-        L11, L21 = block[: ns * ns].reshape(ns, ns), block[ns * ns :].reshape(ns, nb)
-        update = np.zeros((nb, nb))
+        parts = block[: ns * ns].reshape(ns, ns), block[ns * ns :].reshape(ns, nb), np.zeros((nb, nb))
+        L11, L21, update = parts
         for child, passed in children:
             left = updates.pop(child)
             for part, into, of in passed:
-                where = (L11, L21, update)[part][into]
+                where = parts[part][into]
                 where += left[of]
         failed = dpotrf(L11.T, lower=1, clean=0, overwrite_a=1)[1]
         if failed:
