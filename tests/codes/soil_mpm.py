@@ -1,8 +1,6 @@
 """Settlement of soil by a small material point method: tents, plane strain, small strain; compression is positive."""
 
 import numpy as np
-from scipy.sparse import lil_array
-from scipy.sparse.linalg import spsolve
 
 
 class Particle:
@@ -38,7 +36,7 @@ class Ground:
     def settle(self, particles):
         """Equilibrium: sets `moved` (right, up) and `pressure` (xx, yy, zz, xy) of the particles."""
         size = 2 * (self.columns + 1) * (self.rows + 1)
-        K, f, u = lil_array((size, size)), np.zeros(size), np.zeros(size)
+        K, f, u = np.zeros((size, size)), np.zeros(size), np.zeros(size)
         for p in particles:
             lame = p.K - 2 * p.G / 3
             for i, weight, ix, iy in self.around(p):
@@ -52,9 +50,8 @@ class Ground:
             for axis, value in enumerate(displacements):
                 if value is not None:
                     held[2 * knot + axis], u[2 * knot + axis] = True, value
-        K = K.tocsc()
         free = ~held & (K.diagonal() > 0)
-        u[free] = spsolve(K[free][:, free], (f - K @ u)[free])
+        u[free] = np.linalg.solve(K[free][:, free], (f - K @ u)[free])
         for p in particles:
             knots = self.around(p)
             p.moved = tuple(sum(weight * u[2 * i + axis] for i, weight, *_ in knots) for axis in (0, 1))
