@@ -26,8 +26,9 @@ paper: .venv/installed
 benchmark: .venv/peers
 	$(BIN)/python -m pytest validation -m benchmark --benchmark
 
+# each process takes neighbouring tests, which share what is costly to set up; one that is done takes over from another
 test: .venv/installed
-	$(BIN)/python -m pytest tests -n $(JOBS)
+	$(BIN)/python -m pytest tests -n $(JOBS) --dist worksteal
 
 # a short part of the tests with the lowest versions that pyproject.toml admits, on the lowest Python where it is there
 lowest: .lowest/installed

@@ -83,6 +83,13 @@ class ByFolder(LoadScopeScheduling):
         return nodeid.partition("::")[0].rpartition("/")[0]
 
 
+def pytest_xdist_setupnodes() -> None:
+    """Workers keep freed memory: glibc gives arrays of some megabytes back and gets them anew, page by page, at every
+    step of an optimiser. Only here, as the largest memory of a run is measured in processes without workers."""
+    for limit, size in (("MALLOC_MMAP_THRESHOLD_", 2**25), ("MALLOC_TRIM_THRESHOLD_", 2**32)):
+        os.environ.setdefault(limit, str(size))
+
+
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> ByFolder:
     config.option.loadscopereorder = False  # by number of tests, which says nothing of their time
     return ByFolder(config, log)
