@@ -15,9 +15,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from mpmtop.page.numbers import number
-from validation.codes.adapter import NoAdapter, write_template
-from validation.codes.checks import every
-from validation.codes.files import write_cases
 from validation.contents import CONTENTS
 from validation.harness.claims import Tally
 from validation.harness.diff import compare
@@ -69,6 +66,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     adapter = commands.add_parser("adapter", help="write NAME.py, an adapter to fill in")
     adapter.add_argument("name", metavar="NAME", help="of the file, or its path, as in /home/me/checks/mine.py")
     given = parser.parse_args(arguments)
+    if given.command in ("cases", "adapter"):  # what the report's own commands need not wait for
+        from validation.codes.adapter import NoAdapter, write_template
+        from validation.codes.checks import every
+        from validation.codes.files import write_cases
     if given.command == "cases":
         print(
             f"{given.folder}: {write_cases(given.folder, every())} cases, and SCHEMA.md, which says how to answer them"
