@@ -8,7 +8,7 @@ import numpy as np
 from mpmtop.arrays import Array
 from mpmtop.optimizers import Iterate
 from mpmtop.scene import Scene
-from reference_fem.reanalyse import build_judge, judge_criteria, thresholded
+from reference_fem.reanalyse import Judge, build_judge, judge_criteria, thresholded
 from reference_fem.simp import DesignProblem, Evaluation
 
 RTOL = 1e-3
@@ -48,10 +48,14 @@ class Designed:
         """The densities (e,) cut to 0 and 1 at the same volume."""
         return thresholded(self.rho, self.problem.model.area)
 
-    def judged(self, rho: Array, scene: Scene | None = None) -> Array:
-        """Objectives (k,) of densities (e,) by the fine reference; of another scene on the body if one is given."""
-        judge = build_judge(scene or self.scene, self.x, self.half_length)
-        return judge_criteria(judge, rho, judge(rho)).objectives
+    def judge(self, scene: Scene | None = None) -> Judge:
+        """The fine reference for all designs on these elements; of another scene on the body if one is given."""
+        return build_judge(scene or self.scene, self.x, self.half_length)
+
+
+def judged(judge: Judge, rho: Array) -> Array:
+    """Objectives (k,) of densities (e,) by the fine reference."""
+    return judge_criteria(judge, rho, judge(rho)).objectives
 
 
 def grayness(rho: Array) -> float:

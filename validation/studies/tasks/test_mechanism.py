@@ -16,7 +16,7 @@ from mpmtop.scene import Scene
 from reference_fem.simp import DesignProblem, Evaluation, design_problem
 from validation.harness.lock import Lock
 from validation.harness.report import Report
-from validation.studies.tasks.designs import RTOL, Designed
+from validation.studies.tasks.designs import RTOL, Designed, judged
 
 WIDE, HIGH = 40.0, 20.0
 IN, OUT = (0.0, HIGH), (WIDE, HIGH)
@@ -65,7 +65,7 @@ def test_force_inverter(report: Report, lock: Lock) -> None:
             *_, last = optimize(problem, rule, stop=design_change(0.01), max_iterations=100)
         ends[name] = last
         design = Designed(INVERTER, problem, last)
-        true = float(design.judged(design.rho)[0])
+        true = float(judged(design.judge(), design.rho)[0])
         rows.append((name, true, last.objective, 0.3 * (1 + last.constraints[0]), last.solves, ending(problem, last)))
         report.design(
             f"inverter_{len(rows)}",

@@ -14,7 +14,7 @@ from mpmtop.scene import Scene
 from reference_fem.simp import design_problem
 from validation.harness.lock import Lock
 from validation.harness.report import Report
-from validation.studies.tasks.designs import RTOL, Designed, grayness
+from validation.studies.tasks.designs import RTOL, Designed, grayness, judged
 
 RADIUS = 6.0
 CANTILEVER = Scene(
@@ -47,12 +47,13 @@ def test_projected_and_grey(report: Report, lock: Lock) -> None:
     stages = [Stage(replace(problem, design=design), MMA(MOVE), max_iterations=30) for design in designs]
     *_, sharp = continuation(stages)
     found = {"grey": Designed(CANTILEVER, problem, grey), "projected": Designed(CANTILEVER, problem, sharp)}
+    judge = found["grey"].judge()
     own: dict[tuple[str, str], float] = {}
     true: dict[tuple[str, str], float] = {}
     rows = []
     for name, design in found.items():
         for cut, rho in (("as it is", design.rho), ("cut", design.black)):
-            true[name, cut], own[name, cut] = float(design.judged(rho)[0]), problem.analyse(rho).objective
+            true[name, cut], own[name, cut] = float(judged(judge, rho)[0]), problem.analyse(rho).objective
             volume = float(problem.model.area @ rho / problem.model.area.sum())
             rows.append((name, cut, true[name, cut], own[name, cut], grayness(rho), volume))
             report.design(

@@ -27,7 +27,7 @@ from reference_fem.simp import design_problem
 from validation.bodies.sketch import CHOSEN, body_opening
 from validation.harness.lock import Lock
 from validation.harness.report import Report
-from validation.studies.tasks.designs import RTOL, Designed
+from validation.studies.tasks.designs import RTOL, Designed, judged
 
 ASKED = "Does the code do what a part asks for: several loads, limits, mechanisms, black and white?"
 
@@ -102,10 +102,11 @@ def record_cases(report: Report, found: dict[str, Designed]) -> dict[str, tuple[
     """Designs and table: the sum of both cases, and each of them by the fine reference; NaN where a design hangs on
     void, which both refuse."""
     each_case, one = replace(SUM, objective=Worst(Compliance())), found[THE_SUM].problem
+    judge = found[THE_SUM].judge(each_case)
     by_case = {}
     for name, design in found.items():
         try:
-            low, high = design.judged(design.rho, each_case)
+            low, high = judged(judge, design.rho)
             by_case[name] = one.analyse(design.rho).objective, float(low), float(high)
         except NotConverged:
             by_case[name] = np.nan, np.nan, np.nan
