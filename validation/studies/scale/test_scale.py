@@ -253,7 +253,7 @@ def seconds_figure(runs: Iterable[Measurement]) -> Figure:
         axes[0, -1].plot(run.totals, label=f"{run.points:,} points")
         if iterated:
             axes[0, 0].plot(run.cycles, label=f"{run.points:,} points")
-    axes[0, -1].set(xlabel="iteration", ylabel="CPU seconds")
+    axes[0, -1].set(xlabel="iteration", ylabel="CPU seconds", ylim=(0, None))
     if iterated:
         axes[0, 0].set(xlabel="iteration", ylabel="cycles of multigrid", ylim=(0, None))
     axes[0, 0].legend()
