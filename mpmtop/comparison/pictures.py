@@ -3,6 +3,7 @@
 import io
 from collections.abc import Sequence
 
+import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 
@@ -39,9 +40,10 @@ def design_picture(at: MaterialPoints, rho: Array) -> bytes:
 
 
 def png(figure: Figure, dpi: int = 120) -> bytes:
-    """A figure as PNG, the same bytes for the same drawing."""
+    """A figure as PNG, the same bytes for the same drawing, whatever a user has set."""
     drawn = io.BytesIO()
-    figure.savefig(drawn, format="png", dpi=dpi, metadata={"Software": None})
+    with mpl.rc_context({"savefig.bbox": "standard", "savefig.facecolor": "white"}):
+        figure.savefig(drawn, format="png", dpi=dpi, metadata={"Software": None})
     return drawn.getvalue()
 
 
