@@ -20,9 +20,12 @@ Runs = tuple[tuple[int, int, int, bool], ...]
 whether it is among the parent's pivots or in its boundary."""
 
 
+UPDATE = 2
+
+
 class Block(NamedTuple):
     """What a front passes on of its update, by columns: the part `of` it goes `into` the parent's L11 (0), L21 (1) or
-    own update (2)."""
+    own update (UPDATE)."""
 
     part: int
     into: tuple[slice, slice]
@@ -45,18 +48,20 @@ class Front(NamedTuple):
 
 
 class Alike(NamedTuple):
-    """Fronts (k,) of one level and size, their `pivots` (k, ns) and `boundary` (k, nb), unknowns by their place in the
-    order of elimination, and where the values of the first begin; those of the others follow."""
+    """Fronts (k,) of one level and size: their `pivots`, k times ns unknowns in a row, and `boundary` (k, nb), by their
+    place in the order of solution, and where the values of the first begin; those of the others follow."""
 
-    pivots: Index
+    pivots: slice
     boundary: Index
     begin: int
 
-    def columns(self, values: Array) -> tuple[Array, Array]:
-        """L11 (k, ns, ns) and L21 (k, ns, nb) as they are stored, by columns."""
-        (k, ns), nb = self.pivots.shape, self.boundary.shape[1]
+    def parts(self, values: Array) -> tuple[Array, Array]:
+        """L11 (k, ns, ns) and L21 (k, nb, ns), which are stored by columns."""
+        k, nb = self.boundary.shape
+        ns = (self.pivots.stop - self.pivots.start) // k
         blocks = values[self.begin : self.begin + k * ns * (ns + nb)].reshape(k, -1)
-        return blocks[:, : ns * ns].reshape(k, ns, ns), blocks[:, ns * ns :].reshape(k, ns, nb)
+        L11, L21 = blocks[:, : ns * ns].reshape(k, ns, ns), blocks[:, ns * ns :].reshape(k, ns, nb)
+        return L11.transpose(0, 2, 1), L21.transpose(0, 2, 1)
 
 
 class Level(NamedTuple):
@@ -69,15 +74,28 @@ class Level(NamedTuple):
 
 
 class Analysis(NamedTuple):
-    """What the pattern tells: unknowns in the order of elimination (m,), the deepest first; the entries (nnz,) of the
-    lower triangle sorted by fronts; fronts in the order of elimination, children before parents, and by levels, the
-    deepest first; and how many values all L11 and L21 have."""
+    """What the pattern tells: unknowns in the order of elimination (m,), front by front, the deepest first, and in that
+    of solution (m,), group by group; the entries (nnz,) of the lower triangle sorted by fronts; fronts in the order of
+    elimination, children before parents, and by levels, the deepest first; and how many values all L11 and L21 have."""
 
     order: Index
+    solved: Index
     by_front: Index
     fronts: Sequence[Front]
     levels: Sequence[Level]
     size: int
+
+    def values(self, dtype: type[np.floating]) -> "Values":
+        """Memory for those."""
+        flat = np.empty(self.size, dtype)
+        return Values(flat, [[(group, *group.parts(flat)) for group in level.groups] for level in self.levels])
+
+
+class Values(NamedTuple):
+    """Values of L, and by levels its groups, each with its L11 (k, ns, ns) and L21 (k, nb, ns) among them."""
+
+    flat: Array
+    levels: Sequence[Sequence[tuple[Alike, Array, Array]]]
 
 
 def analyse(pattern: Pattern, node: Index, nodes: Fronts) -> Analysis:
@@ -114,11 +132,17 @@ def analyse(pattern: Pattern, node: Index, nodes: Fronts) -> Analysis:
     fronts = [
         Front(i, s, b, at, slice(e, end), place[e:end], children[f]) for f, (i, s, b, at, e, end) in enumerate(whole)
     ]
+    pivots = [first[g, None] + np.arange(ns[g[0]]) for g in groups]
+    solved = np.concatenate([of.ravel() for of in pivots])
+    places[solved] = np.arange(m)
     levels: dict[int, list[Alike]] = {}
-    for g in groups:
-        pivots, around = first[g, None] + np.arange(ns[g[0]]), boundary[start[g, None] + np.arange(nb[g[0]])]
-        levels.setdefault(int(nodes.level[g[0]]), []).append(Alike(pivots, around, int(begin[g[0]])))
-    return Analysis(order, by_front, fronts, [_level(alike) for alike in levels.values()], int(np.sum(ns * (ns + nb))))
+    stop = np.cumsum([of.size for of in pivots])
+    for g, of, end in zip(groups, pivots, stop.tolist(), strict=True):
+        around = places[boundary[start[g, None] + np.arange(nb[g[0]])]]
+        alike = Alike(slice(end - of.size, end), around, int(begin[g[0]]))
+        levels.setdefault(int(nodes.level[g[0]]), []).append(alike)
+    size = int(np.sum(ns * (ns + nb)))
+    return Analysis(order, order[solved], by_front, fronts, [_level(alike) for alike in levels.values()], size)
 
 
 def _by_size(level: Index, ns: Index, nb: Index) -> tuple[list[Index], Index]:
@@ -174,6 +198,6 @@ def _blocks(runs: Runs) -> Sequence[Block]:
     for j, (start, stop, to, among_pivots) in enumerate(runs):
         for above, below, at, also in runs[j:]:
             into = slice(to, to + stop - start), slice(at, at + below - above)
-            part = 2 if not among_pivots else 0 if also else 1
+            part = UPDATE if not among_pivots else 0 if also else 1
             blocks.append(Block(part, into, (slice(start, stop), slice(above, below))))
     return blocks

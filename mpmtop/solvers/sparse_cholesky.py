@@ -13,26 +13,23 @@ Sources: Duff and Reid (1983), ACM Trans. Math. Softw. 9:302; Liu (1992), SIAM R
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import chain
 from threading import RLock
 from typing import ClassVar
 from weakref import WeakValueDictionary
 
 import numpy as np
 from scipy.linalg import get_blas_funcs
-from scipy.linalg.blas import dsyrk, dtrsm
-from scipy.linalg.lapack import dpotrf, dtrtri
 
 from mpmtop.arrays import Array, Index, distinct
 from mpmtop.solvers.checked import checked_factor
 from mpmtop.solvers.dissection import dissect
-from mpmtop.solvers.fronts import Analysis, Front, analyse
+from mpmtop.solvers.elimination import INVERTED, Place, eliminate, places
+from mpmtop.solvers.fronts import Analysis, Values, analyse
 from mpmtop.solvers.pattern import Pattern, SingularMatrix, Solve
 
 LEAF = 32
 """Nodes that are not dissected further: less, and Python's share grows, more, and the zeros within do."""
-
-INVERTED = 64
-"""Pivots of the largest front whose L11 is inverted: a larger one is worth its own calls, and not the inversion."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +42,7 @@ class SparseCholesky:
 
     pattern: Pattern
     position: Array | None = None
-    latest: "Latest" = field(default_factory=lambda: Latest(), init=False, repr=False)
+    shared: "Shared" = field(default_factory=lambda: Shared(), init=False, repr=False)
     tolerance: ClassVar[float] = 1e-9
 
     @cached_property
@@ -62,12 +59,12 @@ class SparseCholesky:
     def factor(self, data: Array, tolerance: float | None = None) -> Solve:
         """Factorise; SingularMatrix if a pivot is not positive."""
         factored = Factored(self, data, np.float64)
-        pivot, diagonal = np.empty(self.pattern.m), data[self._diagonal]
-        with self.latest.lock:
-            values = factored.values()
-            for group in (group for level in self.analysis.levels for group in level.groups):
-                root = np.diagonal(group.columns(values)[0], axis1=1, axis2=2)
-                pivot[self.analysis.order[group.pivots]] = root**-2 if group.pivots.shape[1] <= INVERTED else root**2
+        solved, pivot = self.analysis.solved, np.empty(self.pattern.m)
+        with self.shared.lock:
+            for group, L11, _ in chain.from_iterable(factored.values().levels):
+                root = np.diagonal(L11, axis1=1, axis2=2).ravel()
+                pivot[solved[group.pivots]] = root**-2 if L11.shape[1] <= INVERTED else root**2
+        diagonal = data[self._diagonal]
         return checked_factor(factored, diagonal, pivot / diagonal)
 
     def unchecked(self, data: Array, dtype: type[np.floating]) -> Solve:
@@ -76,12 +73,15 @@ class SparseCholesky:
         factored.values()
         return factored
 
-    def eliminated(self, data: Array, values: Array) -> None:
+    def eliminate(self, data: Array, values: Array) -> None:
         """Fill in the `values` of all L11, the small ones inverted, and L21."""
         diagonal = data[self._diagonal]
         if np.min(diagonal) <= 0:
             raise SingularMatrix(int(np.argmin(diagonal)))
-        failed = _eliminate(self.analysis.fronts, data[self.analysis.by_front], values)
+        fronts = self.analysis.fronts
+        if self.shared.places is None:
+            self.shared.places = places(fronts)
+        failed = eliminate(fronts, self.shared.places, data[self.analysis.by_front], values)
         if failed is not None:
             raise SingularMatrix(int(self.analysis.order[failed]))
 
@@ -92,16 +92,17 @@ class SparseCholesky:
         return entry[np.argsort(self.pattern.row[entry])]
 
 
-class Latest:
-    """Of one solver the factorisation that has values, of each type, and the lock of whoever works with them, as a
-    thread may take them away from another; a copy by pickle has none."""
+class Shared:
+    """What the factorisations of one solver share: the lock of whoever works with it, where fronts are eliminated, and
+    of each type the one that has values, as another may take them away; a copy by pickle has none."""
 
     def __init__(self) -> None:
         self.lock = RLock()
-        self.of: WeakValueDictionary[type[np.floating], Factored] = WeakValueDictionary()
+        self.places: Sequence[Place] | None = None
+        self.latest: WeakValueDictionary[type[np.floating], Factored] = WeakValueDictionary()
 
-    def __reduce__(self) -> tuple[type["Latest"], tuple[()]]:
-        return Latest, ()
+    def __reduce__(self) -> tuple[type["Shared"], tuple[()]]:
+        return Shared, ()
 
 
 class Factored:
@@ -114,25 +115,25 @@ class Factored:
 
     def __init__(self, solver: SparseCholesky, data: Array, dtype: type[np.floating]) -> None:
         self.solver, self.data, self.dtype = solver, data, dtype
-        self.kept: Array | None = None
+        self.kept: Values | None = None
 
     def __call__(self, b: Array) -> Array:
         """x."""
-        with self.solver.latest.lock:
+        with self.solver.shared.lock:
             return _solve(self.solver.analysis, self.values(), b)
 
-    def values(self) -> Array:
+    def values(self) -> Values:
         """Of all L11, the small ones inverted, and L21."""
-        latest = self.solver.latest
-        with latest.lock:
+        latest = self.solver.shared.latest
+        with self.solver.shared.lock:
             if self.kept is None:
-                values, before = None, latest.of.pop(self.dtype, None)
+                values, before = None, latest.pop(self.dtype, None)
                 if before is not None:
                     values, before.kept = before.kept, None
                 if values is None:
-                    values = np.empty(self.solver.analysis.size, self.dtype)
-                self.solver.eliminated(self.data, values)
-                self.kept, latest.of[self.dtype] = values, self
+                    values = self.solver.analysis.values(self.dtype)
+                self.solver.eliminate(self.data, values.flat)
+                self.kept, latest[self.dtype] = values, self
             return self.kept
 
 
@@ -154,56 +155,25 @@ def _positions(pattern: Pattern) -> Array:
     return pattern.lattice.node * np.asarray(pattern.lattice.h)
 
 
-def _eliminate(fronts: Sequence[Front], entries: Array, values: Array) -> int | None:
-    """Turn the entries of K, sorted by fronts, into the `values` of L, in double precision before they are stored; the
-    unknown, by its place in the order, that has no positive pivot."""
-    largest = max(front.pivots * (front.pivots + front.boundary) for front in fronts)
-    scratch = None if values.dtype == np.float64 else np.empty(largest)
-    updates: dict[int, Array] = {}  # (nb, nb) of fronts whose parent is still to come, triangles by columns
-    for number, (first, ns, nb, begin, of_front, place, children) in enumerate(fronts):
-        stored = values[begin : begin + ns * (ns + nb)]
-        block = stored if scratch is None else scratch[: len(stored)]
-        block.fill(0)
-        block[place] = entries[of_front]
-        parts = block[: ns * ns].reshape(ns, ns), block[ns * ns :].reshape(ns, nb), np.zeros((nb, nb))
-        L11, L21, update = parts
-        for child, passed in children:
-            left = updates.pop(child)
-            for part, into, of in passed:
-                where = parts[part][into]
-                where += left[of]
-        failed = dpotrf(L11.T, lower=1, clean=0, overwrite_a=1)[1]
-        if failed:
-            return first + failed - 1
-        if nb > 0:
-            dtrsm(1.0, L11.T, L21.T, side=1, lower=1, trans_a=1, overwrite_b=1)
-            dsyrk(-1.0, L21.T, beta=1.0, c=update.T, lower=1, overwrite_c=1)
-            updates[number] = update
-        if ns <= INVERTED:
-            dtrtri(L11.T, lower=1, overwrite_c=1)
-        if scratch is not None:
-            stored[:] = block
-    return None
-
-
-def _solve(analysis: Analysis, values: Array, b: Array) -> Array:
+def _solve(analysis: Analysis, values: Values, b: Array) -> Array:
     """K^-1 b for b (m,) or (m, k)."""
-    order, levels = analysis.order, analysis.levels
-    x = b.reshape(len(order), -1)[order].astype(values.dtype, copy=False)
-    for groups, reached, spread in levels:
+    solved = analysis.solved
+    x = b.reshape(len(solved), -1)[solved].astype(values.flat.dtype, copy=False)
+    columns = x.shape[1]
+    for level, groups in zip(analysis.levels, values.levels, strict=True):
         left = []
-        for group in groups:
-            L11, L21 = (part.transpose(0, 2, 1) for part in group.columns(values))
-            x[group.pivots] = y = _triangles(L11, x[group.pivots], transposed=False)
-            left.append((L21 @ y).reshape(-1, x.shape[1]))
-        x[reached] -= spread @ np.concatenate(left)
-    for groups, *_ in reversed(levels):
-        for group in groups:
-            L11, L21 = (part.transpose(0, 2, 1) for part in group.columns(values))
-            y = x[group.pivots] - L21.transpose(0, 2, 1) @ x[group.boundary]
-            x[group.pivots] = _triangles(L11, y, transposed=True)
+        for group, L11, L21 in groups:
+            own = x[group.pivots].reshape(len(L11), -1, columns)
+            own[:] = _triangles(L11, own, transposed=False)
+            left.append((L21 @ own).reshape(-1, columns))
+        x[level.reached] -= level.spread @ np.concatenate(left)
+    for groups in reversed(values.levels):
+        for group, L11, L21 in groups:
+            own = x[group.pivots].reshape(len(L11), -1, columns)
+            own -= L21.transpose(0, 2, 1) @ x[group.boundary]
+            own[:] = _triangles(L11, own, transposed=True)
     u = np.empty_like(x)
-    u[order] = x
+    u[solved] = x
     return u.reshape(b.shape)
 
 
