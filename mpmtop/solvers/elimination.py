@@ -20,17 +20,21 @@ INVERTED = 64
 """Pivots of the largest front whose L11 is inverted: a larger one is worth its own calls, and not the inversion."""
 
 
+Passed = tuple[Array, Array]
+"""What a front gets of a child: the part it goes into, and the part of the child's update that it is."""
+
+
 class Place(NamedTuple):
     """Where a front is eliminated: its `block`, L11 and behind it L21, (ns (ns + nb),), these two and its update as
-    LAPACK takes them, by columns, and pairs of what its children pass on, to which part of these and from which part of
-    theirs: `first` what is the first at its place, to be copied at a quarter of the price, then what is `added`."""
+    LAPACK takes them, by columns, and what its children pass on: `first` what is the first at its place, copied at a
+    quarter of the price, then what is `added`."""
 
     block: Array
     L11: Array
     L21: Array
     update: Array
-    first: Sequence[tuple[Array, Array]]
-    added: Sequence[tuple[Array, Array]]
+    first: Sequence[Passed]
+    added: Sequence[Passed]
 
 
 def places(fronts: Sequence[Front]) -> list[Place]:
@@ -42,13 +46,16 @@ def places(fronts: Sequence[Front]) -> list[Place]:
         ns, nb = front.pivots, front.boundary
         block = shared[: ns * (ns + nb)]
         parts = block[: ns * ns].reshape(ns, ns), block[ns * ns :].reshape(ns, nb), update
-        first, added, filled = [], [], []  # the lines of the update that children before have filled
+        first: list[Passed] = []
+        added: list[Passed] = []
+        filled: list[slice] = []  # lines of the update, by children before
         for child, blocks in front.children:
             for part, into, of in blocks:
                 met = part != UPDATE or all(any(_meet(lines, other) for other in filled) for lines in into)
                 (added if met else first).append((parts[part][into], updates[child][of]))
             filled += [into[0] for part, into, _ in blocks if part == UPDATE and into[0] == into[1]]
-        result.append(Place(block, *(part.T for part in parts), first, added))
+        L11, L21 = parts[0].T, parts[1].T
+        result.append(Place(block, L11, L21, update.T, first, added))
     return result
 
 

@@ -6,6 +6,7 @@ from functools import cached_property, partial
 
 import numpy as np
 from scipy.linalg import eigh
+from scipy.linalg.blas import daxpy
 
 from mpmtop.arrays import Array, Index
 from mpmtop.solvers.checked import SINGULAR
@@ -135,20 +136,20 @@ class IteratedSolve:
         # half, so that what rounding adds to the residual does not call for another solve
         goal = self.tolerance / 2 * np.linalg.norm(b)
         u, direction, last = np.zeros_like(residual), np.zeros_like(residual), np.inf
+        scaled = residual.astype(np.float32)
         for _ in range(MAX_ITERATIONS + 1):
             size = np.linalg.norm(residual)
             if size <= goal:
                 return u[unknown]
-            z = self.cycle((residual / size).astype(np.float32)) * size
+            np.divide(residual, size, out=scaled, casting="same_kind")
+            z = self.cycle(scaled) * size
             product = float(residual @ z)
-            direction *= product / last
-            direction += z
+            direction = daxpy(direction, z, a=product / last)
             image = K @ direction
             curvature = float(direction @ image)
             if not curvature > 0:
                 return None
-            u += np.multiply(direction, product / curvature, out=z)
-            image *= product / curvature
-            residual -= image
+            daxpy(direction, u, a=product / curvature)
+            daxpy(image, residual, a=-product / curvature)
             last = product
         return None
