@@ -33,6 +33,7 @@ ORDER = [
     *("stiffness", "solvers.pattern", "solvers.checked", "solvers.banded", "solvers.superlu", "solvers.dissection"),
     *(
         "solvers.fronts",
+        "solvers.elimination",
         "solvers.sparse_cholesky",
         "solvers.stencil",
         "solvers.multigrid",

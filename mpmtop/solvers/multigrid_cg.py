@@ -136,7 +136,7 @@ class IteratedSolve:
         # half, so that what rounding adds to the residual does not call for another solve
         goal = self.tolerance / 2 * np.linalg.norm(b)
         u, direction, last = np.zeros_like(residual), np.zeros_like(residual), np.inf
-        scaled = residual.astype(np.float32)
+        scaled = residual.astype("float32")
         for _ in range(MAX_ITERATIONS + 1):
             size = np.linalg.norm(residual)
             if size <= goal:

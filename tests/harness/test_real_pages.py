@@ -80,7 +80,8 @@ async function all() {
     const names = [...page.querySelectorAll("[id]")].map(e => e.id);
     const result = found[name] = {
       words: wordsAbove(page),
-      height: [...page.querySelectorAll(".designs")].map(e => e.getBoundingClientRect().bottom - above(page))[0] ?? null,
+      height: [...page.querySelectorAll(".designs")]
+        .map(e => e.getBoundingClientRect().bottom - above(page))[0] ?? null,
       inSight: here ? here.getBoundingClientRect().bottom <= nav.getBoundingClientRect().bottom + 1 : null,
       bare: [...page.querySelectorAll("input, select, canvas, output, .scroll, img")]
         .filter(e => !(e.labels?.length || e.getAttribute("aria-label") || e.alt || e.getAttribute("aria-live")))
