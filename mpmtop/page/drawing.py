@@ -4,6 +4,7 @@ import base64
 import hashlib
 import io
 import re
+from collections.abc import Callable
 from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,8 @@ from urllib.parse import quote
 
 import matplotlib as mpl
 from cycler import cycler
+from matplotlib.axis import Axis
+from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.mathtext import MathTextParser
 
@@ -47,8 +50,22 @@ OUTLINES = PARSER("path")
 outlines = lru_cache(maxsize=4096)(partial(SET, OUTLINES))
 """Glyphs of a formula as outlines, set once for all figures."""
 
+TICKED: Any = Axis  # its stub is without the method
+UPDATE = TICKED._update_ticks
+
 PLAIN = " ;,/?:@=+$-_.!~*"
 """Letters that a data URI in an attribute holds as they are."""
+
+
+class Sheet(FigureCanvasSVG):
+    """Canvas of a figure that is laid out at 72 dots an inch, as an SVG is drawn; its images have `savefig.dpi`."""
+
+    def print_svg(
+        self, filename: Any, *, bbox_inches_restore: Any = None, metadata: Any = None, **_colours: object
+    ) -> None:
+        """Draw the figure; Matplotlib passes its colours to canvases that are not its own, too."""
+        self.figure.dpi = mpl.rcParams["savefig.dpi"]
+        super().print_svg(filename, bbox_inches_restore=bbox_inches_restore, metadata=metadata)
 
 
 def set_once(parser: Any, *formula: Any) -> Any:
@@ -56,11 +73,43 @@ def set_once(parser: Any, *formula: Any) -> Any:
     return outlines(*formula) if parser._output_type == OUTLINES._output_type else SET(parser, *formula)
 
 
+def placed_once() -> Callable[[Any], list[Any]]:
+    """A function that gives the ticks of an axis that are drawn. It places them anew if the axis has moved or has got
+    other limits; Matplotlib does at every question, and label, title, spines and the axis itself ask."""
+    placed: dict[
+        Any, tuple[Any, list[Any]]
+    ] = {}  # by locator and formatter: axes may share them, and they have a state
+
+    def ticks(axis: Any) -> list[Any]:
+        view, data = axis.get_view_interval(), axis.get_data_interval()
+        state = (axis, axis.axes.bbox.bounds, axis.get_figure(root=True).dpi, *view, *data)
+        if axis.major not in placed or placed[axis.major][0] != state:
+            placed[axis.major] = state, UPDATE(axis)
+        return list(placed[axis.major][1])
+
+    return ticks
+
+
 def drawn(figure: Figure, file: str) -> bytes:
-    """A figure as SVG, the same bytes for the same drawing, with names that no other file has."""
+    """A figure as SVG, the same bytes for the same drawing, with names that no other file has.
+
+    The bytes are those of `Figure.savefig` with a tight box, which lays a figure out, draws it for nothing, measures it
+    and draws it; here it is laid out, measured and drawn.
+    """
     svg = io.BytesIO()
-    with mpl.rc_context({"svg.hashsalt": file}), patch.object(PARSER, "_parse_cached", set_once):
-        figure.savefig(svg, format="svg", metadata={"Date": None, "Creator": "mpmtop"})
+    own: Any = {"svg.hashsalt": file, "figure.constrained_layout.use": False, "figure.autolayout": False}
+    with (
+        mpl.rc_context(own),
+        patch.object(PARSER, "_parse_cached", set_once),
+        patch.object(TICKED, "_update_ticks", placed_once()),
+    ):
+        Sheet(figure)
+        figure.dpi = Sheet.fixed_dpi
+        if layout := figure.get_layout_engine():
+            layout.execute(figure)
+        box = figure.get_tightbbox().padded(mpl.rcParams["savefig.pad_inches"])
+        figure.set_layout_engine(None)  # or `savefig` would lay it out once more
+        figure.savefig(svg, format="svg", dpi=figure.dpi, bbox_inches=box, metadata={"Date": None, "Creator": "mpmtop"})
     return numbered(svg.getvalue(), file)
 
 

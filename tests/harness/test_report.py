@@ -2,6 +2,7 @@
 
 import io
 import json
+from typing import Literal
 
 import matplotlib as mpl
 import matplotlib.pyplot as plt
@@ -10,6 +11,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from matplotlib._mathtext import Parser
+from matplotlib.backend_bases import RendererBase
 from matplotlib.figure import Figure
 
 from mpmtop.page.drawing import STYLE, drawn, numbered
@@ -167,6 +169,47 @@ def test_a_formula_is_set_once_for_all_figures(monkeypatch: pytest.MonkeyPatch) 
             plotted().savefig(svg, format="svg", metadata={"Date": None, "Creator": "mpmtop"})
         assert numbered(svg.getvalue(), "first") == first
         plt.close("all")
+
+
+def hard_to_lay_out(layout: Literal["constrained", "none"]) -> Figure:
+    """Axes of unequal length that share ticks, twins, an offset, minor ticks, an image that is resampled, a bar of
+    colours, titles over an offset and over ticks at the top, a legend outside."""
+    figure, axes = plt.subplots(2, 2, sharex="col", figsize=(7, 5), width_ratios=(3, 1), layout=layout)
+    k = np.arange(1.0, 40.0)
+    axes[0, 0].semilogy(k, 10**-k, label="error")
+    axes[0, 0].twinx().plot(k, 1e6 + k, label="own")
+    axes[0, 0].set_title("over\nall")
+    axes[1, 0].plot(k, 1e-7 * k, label="true")
+    axes[1, 0].secondary_yaxis("right", functions=(np.cbrt, lambda root: root**3)).set_ylabel("root")
+    axes[1, 0].set(aspect=2e8, xlabel="k")
+    image = axes[0, 1].imshow(np.outer(k, k), interpolation="bilinear")
+    axes[0, 1].xaxis.tick_top()
+    axes[0, 1].set_title("an image")
+    figure.colorbar(image, ax=axes[:, 1], label="$k^2$")
+    figure.legend(loc="outside lower center")
+    return figure
+
+
+@pytest.mark.parametrize("layout", ["constrained", "none"])
+def test_a_figure_is_drawn_as_matplotlib_draws_it(
+    layout: Literal["constrained", "none"], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drawings: list[Figure] = []
+    draw = Figure.draw
+
+    def counted(figure: Figure, renderer: RendererBase) -> None:
+        drawings.append(figure)
+        draw(figure, renderer)
+
+    with mpl.rc_context(), mpl.style.context(STYLE):
+        svg = io.BytesIO()
+        with mpl.rc_context({"svg.hashsalt": "hard"}):
+            hard_to_lay_out(layout).savefig(svg, format="svg", metadata={"Date": None, "Creator": "mpmtop"})
+        figure = hard_to_lay_out(layout)
+        monkeypatch.setattr(Figure, "draw", counted)
+        assert drawn(figure, "hard") == numbered(svg.getvalue(), "hard")
+        plt.close("all")
+    assert drawings == [figure]
 
 
 def test_points_are_drawn_small_and_without_seams() -> None:
