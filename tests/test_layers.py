@@ -13,7 +13,7 @@ import mpmtop
 
 ROOT = Path(__file__).parent.parent
 ORDER = [
-    *("page", "page.numbers", "page.drawing", "page.templates"),
+    *("page", "page.numbers", "page.once", "page.drawing", "page.templates"),
     *("arrays", "errors", "curves", "region", "outline", "loads", "body", "design", "criteria", "scene"),
     *(
         "grid",
@@ -62,6 +62,7 @@ EXTRA = {
     "export": {"meshio"},
     "scene_plot": {"matplotlib"},
     "plot": {"matplotlib", "IPython"},
+    "page.once": {"matplotlib"},
     "page.drawing": {"matplotlib", "cycler"},
     "page.templates": {"jinja2"},
 }

@@ -4,19 +4,16 @@ import base64
 import hashlib
 import io
 import re
-from collections.abc import Callable
-from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
-from unittest.mock import patch
 from urllib.parse import quote
 
 import matplotlib as mpl
 from cycler import cycler
-from matplotlib.axis import Axis
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
-from matplotlib.mathtext import MathTextParser
+
+from mpmtop.page.once import asked_once
 
 # Okabe and Ito's colours but for yellow, too faint on white; line styles tell them apart where they print grey.
 STYLE: Any = {
@@ -42,17 +39,6 @@ STYLE: Any = {
     "svg.fonttype": "path",  # letters as drawn here: no font of the reader's can move or clip them
 }
 
-# Every number at an axis is a formula. Matplotlib keeps fifty, anew for each of the renderers that lay a figure out and
-# draw it: setting them again was a third of a figure's time.
-PARSER: Any = MathTextParser  # its stub is without the cache
-SET = PARSER._parse_cached.__wrapped__
-OUTLINES = PARSER("path")
-outlines = lru_cache(maxsize=4096)(partial(SET, OUTLINES))
-"""Glyphs of a formula as outlines, set once for all figures."""
-
-TICKED: Any = Axis  # its stub is without the method
-UPDATE = TICKED._update_ticks
-
 PLAIN = " ;,/?:@=+$-_.!~*"
 """Letters that a data URI in an attribute holds as they are."""
 
@@ -68,28 +54,6 @@ class Sheet(FigureCanvasSVG):
         super().print_svg(filename, bbox_inches_restore=bbox_inches_restore, metadata=metadata)
 
 
-def set_once(parser: Any, *formula: Any) -> Any:
-    """What `parser` makes of a formula."""
-    return outlines(*formula) if parser._output_type == OUTLINES._output_type else SET(parser, *formula)
-
-
-def placed_once() -> Callable[[Any], list[Any]]:
-    """A function that gives the ticks of an axis that are drawn. It places them anew if the axis has moved or has got
-    other limits; Matplotlib does at every question, and label, title, spines and the axis itself ask."""
-    placed: dict[
-        Any, tuple[Any, list[Any]]
-    ] = {}  # by locator and formatter: axes may share them, and they have a state
-
-    def ticks(axis: Any) -> list[Any]:
-        view, data = axis.get_view_interval(), axis.get_data_interval()
-        state = (axis, axis.axes.bbox.bounds, axis.get_figure(root=True).dpi, *view, *data)
-        if axis.major not in placed or placed[axis.major][0] != state:
-            placed[axis.major] = state, UPDATE(axis)
-        return list(placed[axis.major][1])
-
-    return ticks
-
-
 def drawn(figure: Figure, file: str) -> bytes:
     """A figure as SVG, the same bytes for the same drawing, with names that no other file has.
 
@@ -98,11 +62,7 @@ def drawn(figure: Figure, file: str) -> bytes:
     """
     svg = io.BytesIO()
     own: Any = {"svg.hashsalt": file, "figure.constrained_layout.use": False, "figure.autolayout": False}
-    with (
-        mpl.rc_context(own),
-        patch.object(PARSER, "_parse_cached", set_once),
-        patch.object(TICKED, "_update_ticks", placed_once()),
-    ):
+    with mpl.rc_context(own), asked_once():
         Sheet(figure)
         figure.dpi = Sheet.fixed_dpi
         if layout := figure.get_layout_engine():

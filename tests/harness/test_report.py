@@ -178,10 +178,12 @@ def hard_to_lay_out(layout: Literal["constrained", "none"]) -> Figure:
     k = np.arange(1.0, 40.0)
     axes[0, 0].semilogy(k, 10**-k, label="error")
     axes[0, 0].twinx().plot(k, 1e6 + k, label="own")
-    axes[0, 0].set_title("over\nall")
+    axes[0, 0].set_title("over\nall", linespacing=1.5)
     axes[1, 0].plot(k, 1e-7 * k, label="true")
     axes[1, 0].secondary_yaxis("right", functions=(np.cbrt, lambda root: root**3)).set_ylabel("root")
     axes[1, 0].set(aspect=2e8, xlabel="k")
+    axes[1, 0].tick_params("x", rotation=30)
+    axes[1, 0].text(20, 2e-6, "all", rotation=30, rotation_mode="anchor", wrap=True)
     image = axes[0, 1].imshow(np.outer(k, k), interpolation="bilinear")
     axes[0, 1].xaxis.tick_top()
     axes[0, 1].set_title("an image")
@@ -190,10 +192,11 @@ def hard_to_lay_out(layout: Literal["constrained", "none"]) -> Figure:
     return figure
 
 
-@pytest.mark.parametrize("layout", ["constrained", "none"])
+@pytest.mark.parametrize(("layout", "letters"), [("constrained", "it"), ("none", "rm")])
 def test_a_figure_is_drawn_as_matplotlib_draws_it(
-    layout: Literal["constrained", "none"], monkeypatch: pytest.MonkeyPatch
+    layout: Literal["constrained", "none"], letters: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """Also after others that had the same texts in other letters."""
     drawings: list[Figure] = []
     draw = Figure.draw
 
@@ -201,7 +204,7 @@ def test_a_figure_is_drawn_as_matplotlib_draws_it(
         drawings.append(figure)
         draw(figure, renderer)
 
-    with mpl.rc_context(), mpl.style.context(STYLE):
+    with mpl.rc_context(), mpl.style.context([STYLE, {"mathtext.default": letters}]):
         svg = io.BytesIO()
         with mpl.rc_context({"svg.hashsalt": "hard"}):
             hard_to_lay_out(layout).savefig(svg, format="svg", metadata={"Date": None, "Creator": "mpmtop"})
