@@ -1,5 +1,6 @@
 """Runs of pytest and the stores: what a run of a part keeps, skips, refuses and prints."""
 
+import gc
 import json
 import os
 import re
@@ -171,6 +172,15 @@ def test_progress_shows_in_a_log_of_processes_beside_each_other(
     pytester.makeini("[pytest]\nmarkers = benchmark")
     done = pytester.runpytest_subprocess(*OPTIONS, "-n", "2", "-k", "jump")
     assert {"tent: iteration 2, 0 s", "GIMP: iteration 2, 0 s"} <= set(done.stderr.lines)
+
+
+def test_the_collector_leaves_alone_what_is_loaded() -> None:
+    try:
+        plugin.pytest_collection_finish()
+        assert not any(found is vars(plugin) for found in gc.get_objects())
+    finally:
+        gc.unfreeze()
+    assert any(found is vars(plugin) for found in gc.get_objects())
 
 
 CRASHING = '''

@@ -1,5 +1,6 @@
 """Fixtures of the studies (`report`, `lock`, `progress`) and the writing of the report at the end of a run."""
 
+import gc
 import os
 import warnings
 from pathlib import Path
@@ -153,6 +154,12 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
                 item.add_marker(pytest.mark.skip(reason=reason))
     place = {study: k for k, study in enumerate(LONGEST)}
     items.sort(key=lambda item: place.get(study_of(item.path.parent), len(place)))
+
+
+def pytest_collection_finish() -> None:
+    """What is loaded by now lives until the end: the collector of cycles, which would look all of it through again and
+    again, leaves it alone."""
+    gc.freeze()
 
 
 def _keep_group(config: pytest.Config, items: list[pytest.Item]) -> None:
