@@ -76,9 +76,12 @@ class BlockTridiagonal:
 
     def solve(self, b: Array) -> Array:
         """K^-1 b for b (n, c)."""
-        x = b.copy()
+        return self.overwrite(b.copy())
+
+    def overwrite(self, x: Array) -> Array:
+        """K^-1 x for x (n, c), in place."""
         blocks = list(zip(self.start, self.start[1:], self.inverse, self.below, strict=False))
-        loaded = int(np.argmax(b.any(axis=1)))  # what is before the first load stays zero
+        loaded = int(np.argmax(x.any(axis=1)))  # what is before the first load stays zero
         for i, j, _, below in blocks:
             if j > loaded:
                 x[j : j + len(below)] -= below @ x[i:j]
@@ -223,7 +226,7 @@ class State:
     def inverse(self) -> Array:
         """K^-1 (n, n)."""
         n = len(self.u)
-        columns = [self.factor.solve(np.eye(n, min(SOLVED, n - k), -k)) for k in range(0, n, SOLVED)]
+        columns = [self.factor.overwrite(np.eye(n, min(SOLVED, n - k), -k)) for k in range(0, n, SOLVED)]
         return np.concatenate(columns, axis=1)
 
     @cached_property
@@ -245,7 +248,7 @@ class State:
             if m > len(self.u):
                 yield part, np.ascontiguousarray((loads[part] @ self.inverse).T)
             else:
-                yield part, self.factor.solve(loads[part].T.toarray())
+                yield part, self.factor.overwrite(loads[part].T.toarray(order="C"))
 
 
 def changed_objectives(state: State, change: float, points: Index | None = None) -> tuple[float, Array]:
