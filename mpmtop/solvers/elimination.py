@@ -75,7 +75,8 @@ def _updates(fronts: Sequence[Front]) -> list[Array]:
                 break
             begin = stop
         taken.append((begin, begin + front.boundary**2))
-        insort(waiting, taken[-1])
+        if front.boundary > 0:
+            insort(waiting, taken[-1])
         for child, _ in front.children:
             waiting.remove(taken[child])
     memory = np.empty(max(stop for _, stop in taken))
