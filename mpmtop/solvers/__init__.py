@@ -30,7 +30,7 @@ SPARSE_FROM = 25_000
 body, banded over sparse: 0.7 at 10,200, 0.9 at 22,800, 1.05 at 29,200, 1.1 at 40,400, 1.4 at 63,000)."""
 MULTIGRID_FROM = 100_000
 """Unknowns from which multigrid is tried before sparse Cholesky: a choice, on the side of the one that never iterates
-(the scale study times both, `make benchmark`). What multigrid takes moves with the design, 6 to 16 cycles for designs
+(the scale study times both, `make benchmark`). What multigrid takes moves with the design, 6 to 26 cycles for designs
 of an optimisation of compliance at 251,000 unknowns, 9 to 32 to a p-norm's tolerance; a factorisation's price does not.
 An adjoint, for which a direct solver pays next to nothing, moves the crossover up."""
 
