@@ -2,7 +2,7 @@
 
 Most fronts are small, and time would go to finding out for each of them, design by design, where its parts are: so they
 are worked on at places that depend on the pattern alone. A front's L11 and L21 are made where those of the one before
-were, and copied from there, its update where nothing waits for a parent.
+were, and copied from there, its update where no other waits for its parent.
 """
 
 from bisect import insort
@@ -24,7 +24,7 @@ Passed = tuple[Array, Array]
 """What a front gets of a child: the part it goes into, and the part of the child's update that it is."""
 
 
-class Place(NamedTuple):
+class Workplace(NamedTuple):
     """Where a front is eliminated: its `block`, L11 and behind it L21, (ns (ns + nb),), these two and its update as
     LAPACK takes them, by columns, and what its children pass on: `first` what is the first at its place, copied at a
     quarter of the price, then what is `added`."""
@@ -37,7 +37,7 @@ class Place(NamedTuple):
     added: Sequence[Passed]
 
 
-def places(fronts: Sequence[Front]) -> list[Place]:
+def workplaces(fronts: Sequence[Front]) -> list[Workplace]:
     """Those of all fronts, in the order of elimination."""
     updates = _updates(fronts)
     shared = np.empty(max(front.pivots * (front.pivots + front.boundary) for front in fronts))
@@ -55,7 +55,7 @@ def places(fronts: Sequence[Front]) -> list[Place]:
                 (added if met else first).append((parts[part][into], updates[child][of]))
             filled += [into[0] for part, into, _ in blocks if part == UPDATE and into[0] == into[1]]
         L11, L21 = parts[0].T, parts[1].T
-        result.append(Place(block, L11, L21, update.T, first, added))
+        result.append(Workplace(block, L11, L21, update.T, first, added))
     return result
 
 
@@ -86,7 +86,7 @@ def _updates(fronts: Sequence[Front]) -> list[Array]:
     ]
 
 
-def eliminate(fronts: Sequence[Front], at: Sequence[Place], entries: Array, values: Array) -> int | None:
+def eliminate(fronts: Sequence[Front], at: Sequence[Workplace], entries: Array, values: Array) -> int | None:
     """Turn the entries of K, sorted by fronts, into the `values` of L, in double precision before they are stored; the
     unknown, by its place in the order, that has no positive pivot."""
     for front, (block, L11, L21, update, first, added) in zip(fronts, at, strict=True):

@@ -24,7 +24,7 @@ from scipy.linalg import get_blas_funcs
 from mpmtop.arrays import Array, Index, distinct
 from mpmtop.solvers.checked import checked_factor
 from mpmtop.solvers.dissection import dissect
-from mpmtop.solvers.elimination import INVERTED, Place, eliminate, places
+from mpmtop.solvers.elimination import INVERTED, Workplace, eliminate, workplaces
 from mpmtop.solvers.fronts import Analysis, Values, analyse
 from mpmtop.solvers.pattern import Pattern, SingularMatrix, Solve
 
@@ -79,9 +79,9 @@ class SparseCholesky:
         if np.min(diagonal) <= 0:
             raise SingularMatrix(int(np.argmin(diagonal)))
         fronts = self.analysis.fronts
-        if self.shared.places is None:
-            self.shared.places = places(fronts)
-        failed = eliminate(fronts, self.shared.places, data[self.analysis.by_front], values)
+        if self.shared.workplaces is None:
+            self.shared.workplaces = workplaces(fronts)
+        failed = eliminate(fronts, self.shared.workplaces, data[self.analysis.by_front], values)
         if failed is not None:
             raise SingularMatrix(int(self.analysis.order[failed]))
 
@@ -98,7 +98,7 @@ class Shared:
 
     def __init__(self) -> None:
         self.lock = RLock()
-        self.places: Sequence[Place] | None = None
+        self.workplaces: Sequence[Workplace] | None = None
         self.latest: WeakValueDictionary[type[np.floating], Factored] = WeakValueDictionary()
 
     def __reduce__(self) -> tuple[type["Shared"], tuple[()]]:

@@ -174,20 +174,22 @@ def test_not_positive_definite(solver: Callable[[Pattern], Solver]) -> None:
             solver(Pattern(2, *one)).factor(np.array(data))
 
 
-def test_dissection_separates() -> None:
-    """What a front eliminates is coupled with its boundary only, which its parents eliminate; leaves are small."""
-    i, j = np.divmod(np.arange(30 * 17), 17)
-    x = np.stack([i, j], axis=1).astype(float)
-    near = np.argwhere(np.max(np.abs(x[:, None] - x), axis=2) == 1)
-    one, other = near[near[:, 0] > near[:, 1]].T
+@pytest.mark.parametrize("degree", [1, 2])
+def test_dissection_separates(degree: int) -> None:
+    """What a front eliminates is coupled with its boundary only, which its parents eliminate; leaves are small. One
+    line of nodes separates, between biquadratic elements, too."""
+    x = np.stack(np.divmod(np.arange(31 * 17), 17), axis=1).astype(float)
+    lower, upper = np.ceil(x / degree) - 1, np.floor(x / degree)  # the elements that a node belongs to, along each axis
+    meet = np.all(np.maximum(lower[:, None], lower) <= np.minimum(upper[:, None], upper), axis=2)
+    one, other = np.nonzero(np.tril(meet, -1))
     order, first, boundary, start, parent, level = dissect(x, one, other, 10)
-    np.testing.assert_array_equal(np.sort(order), np.arange(510))
+    np.testing.assert_array_equal(np.sort(order), np.arange(527))
     rank = np.argsort(order)
     front = np.repeat(np.arange(len(parent)), np.diff(first))
     a, b = np.sort([rank[one], rank[other]], axis=0)
     apart = front[a] != front[b]
-    ties = np.unique(front[a[apart]] * 510 + b[apart])
-    assert np.all(np.isin(ties, np.repeat(np.arange(len(parent)), np.diff(start)) * 510 + boundary))
+    ties = np.unique(front[a[apart]] * 527 + b[apart])
+    assert np.all(np.isin(ties, np.repeat(np.arange(len(parent)), np.diff(start)) * 527 + boundary))
     inner = np.diff(start) > 0
     np.testing.assert_array_equal(parent[inner], front[boundary[start[:-1][inner]]])
     assert np.all(parent > np.arange(len(parent)))  # children first
