@@ -78,9 +78,8 @@ def text_once(fonts: tuple[str, ...]) -> Callable[[Any, Any], Any]:
 def ticks_once() -> Callable[[Any], list[Any]]:
     """A function that gives the ticks of an axis that are drawn; it places them anew where the axis has moved or has
     got other limits."""
-    placed: dict[
-        Any, tuple[Any, list[Any]]
-    ] = {}  # by locator and formatter: axes may share them, and they have a state
+    # by locator and formatter: axes may share them, and they have a state
+    placed: dict[Any, tuple[Any, list[Any]]] = {}
 
     def ticks(axis: Any) -> list[Any]:
         view, data = axis.get_view_interval(), axis.get_data_interval()
