@@ -20,7 +20,9 @@ from matplotlib.text import Text
 PARSER: Any = MathTextParser
 TEXT: Any = Text
 AXIS: Any = Axis
-SET, LAID, PLACED = PARSER._parse_cached.__wrapped__, TEXT._get_layout, AXIS._update_ticks
+SET = getattr(getattr(PARSER, "_parse_cached", None), "__wrapped__", None)
+LAID, PLACED = getattr(TEXT, "_get_layout", None), getattr(AXIS, "_update_ticks", None)
+"""Matplotlib's own, which it may give up: then it is left to draw as it does."""
 OUTLINES = PARSER("path")
 FONTS = tuple(name for name in mpl.rcParams if name.startswith(("font.", "mathtext.", "text.")))
 """Settings that decide what a text looks like, beside its own font."""
@@ -29,6 +31,9 @@ FONTS = tuple(name for name in mpl.rcParams if name.startswith(("font.", "mathte
 @contextmanager
 def asked_once() -> Iterator[None]:
     """Around the drawing of one figure as SVG."""
+    if SET is None or LAID is None or PLACED is None:
+        yield
+        return
     fonts = tuple(str(mpl.rcParams[name]) for name in FONTS)
     with (
         patch.object(PARSER, "_parse_cached", formula_once(fonts)),

@@ -192,11 +192,15 @@ def hard_to_lay_out(layout: Literal["constrained", "none"]) -> Figure:
     return figure
 
 
-@pytest.mark.parametrize(("layout", "letters"), [("constrained", "it"), ("none", "rm")])
+@pytest.mark.parametrize(
+    ("layout", "letters", "lost"), [("constrained", "it", ""), ("none", "rm", ""), ("constrained", "it", "LAID")]
+)
 def test_a_figure_is_drawn_as_matplotlib_draws_it(
-    layout: Literal["constrained", "none"], letters: str, monkeypatch: pytest.MonkeyPatch
+    layout: Literal["constrained", "none"], letters: str, lost: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Also after others that had the same texts in other letters."""
+    """Also after others that had the same texts in other letters, and where Matplotlib has lost what is asked once."""
+    if lost:
+        monkeypatch.setattr(f"mpmtop.page.once.{lost}", None)
     drawings: list[Figure] = []
     draw = Figure.draw
 
