@@ -57,7 +57,7 @@ class Sheet(FigureCanvasSVG):
 def drawn(figure: Figure, file: str) -> bytes:
     """A figure as SVG, the same bytes for the same drawing, with names that no other file has.
 
-    The bytes are those of `Figure.savefig` with a tight box, which lays a figure out, draws it for nothing, measures it
+    The bytes are those of `Figure.savefig`, which for a tight box lays a figure out, draws it for nothing, measures it
     and draws it; here it is laid out, measured and drawn.
     """
     svg = io.BytesIO()
@@ -67,7 +67,8 @@ def drawn(figure: Figure, file: str) -> bytes:
         figure.dpi = Sheet.fixed_dpi
         if layout := figure.get_layout_engine():
             layout.execute(figure)
-        box = figure.get_tightbbox().padded(mpl.rcParams["savefig.pad_inches"])
+        tight = mpl.rcParams["savefig.bbox"] == "tight"
+        box = figure.get_tightbbox().padded(mpl.rcParams["savefig.pad_inches"]) if tight else None
         figure.set_layout_engine(None)  # or `savefig` would lay it out once more
         figure.savefig(svg, format="svg", dpi=figure.dpi, bbox_inches=box, metadata={"Date": None, "Creator": "mpmtop"})
     return numbered(svg.getvalue(), file)

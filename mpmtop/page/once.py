@@ -20,8 +20,9 @@ from matplotlib.text import Text
 PARSER: Any = MathTextParser
 TEXT: Any = Text
 AXIS: Any = Axis
-SET = getattr(getattr(PARSER, "_parse_cached", None), "__wrapped__", None)
-LAID, PLACED = getattr(TEXT, "_get_layout", None), getattr(AXIS, "_update_ticks", None)
+SET: Any = getattr(getattr(PARSER, "_parse_cached", None), "__wrapped__", None)
+LAID: Any = getattr(TEXT, "_get_layout", None)
+PLACED: Any = getattr(AXIS, "_update_ticks", None)
 """Matplotlib's own, which it may give up: then it is left to draw as it does."""
 OUTLINES = PARSER("path")
 FONTS = tuple(name for name in mpl.rcParams if name.startswith(("font.", "mathtext.", "text.")))

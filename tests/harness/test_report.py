@@ -193,10 +193,11 @@ def hard_to_lay_out(layout: Literal["constrained", "none"]) -> Figure:
 
 
 @pytest.mark.parametrize(
-    ("layout", "letters", "lost"), [("constrained", "it", ""), ("none", "rm", ""), ("constrained", "it", "LAID")]
+    ("layout", "letters", "box", "lost"),
+    [("constrained", "it", "tight", ""), ("none", "rm", "standard", ""), ("constrained", "it", "tight", "LAID")],
 )
 def test_a_figure_is_drawn_as_matplotlib_draws_it(
-    layout: Literal["constrained", "none"], letters: str, lost: str, monkeypatch: pytest.MonkeyPatch
+    layout: Literal["constrained", "none"], letters: str, box: str, lost: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Also after others that had the same texts in other letters, and where Matplotlib has lost what is asked once."""
     if lost:
@@ -208,7 +209,7 @@ def test_a_figure_is_drawn_as_matplotlib_draws_it(
         drawings.append(figure)
         draw(figure, renderer)
 
-    with mpl.rc_context(), mpl.style.context([STYLE, {"mathtext.default": letters}]):
+    with mpl.rc_context(), mpl.style.context([STYLE, {"mathtext.default": letters, "savefig.bbox": box}]):
         svg = io.BytesIO()
         with mpl.rc_context({"svg.hashsalt": "hard"}):
             hard_to_lay_out(layout).savefig(svg, format="svg", metadata={"Date": None, "Creator": "mpmtop"})
