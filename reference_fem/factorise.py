@@ -20,8 +20,8 @@ Solve = Callable[[Array], Array]
 Factorise = Callable[[sp.csc_matrix], Solve]
 
 # Band storage (entries) up to which banded Cholesky is taken. CPU seconds of a design's evaluation and gradient on 2:1
-# bodies, banded over sparse: bilinear 0.5 at 6,560 dofs (0.5 M entries), 0.85 at 25,900 (4.2 M), 1.05 at 40,400
-# (8.3 M), 1.5 at 79,000 (23 M); biquadratic 0.7 at 6,560 (1.1 M), 1.3 at 25,900 (8.5 M), 1.5 at 40,400 (17 M).
+# bodies, banded over sparse: bilinear 0.5 at 6,560 dofs (0.5 M entries), 1.0 at 25,900 (4.2 M), 1.1 at 40,400
+# (8.3 M), 1.7 at 79,000 (23 M); biquadratic 1.0 at 6,560 (1.1 M), 2.3 at 25,900 (8.5 M), 3.1 at 40,400 (17 M).
 BANDED_ENTRIES = 4_000_000
 
 

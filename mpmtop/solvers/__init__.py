@@ -26,8 +26,8 @@ __all__ = [
 ]
 
 SPARSE_FROM = 25_000
-"""Unknowns from which sparse Cholesky was measured faster than the banded one (CPU of an iteration, one thread, 2:1
-body, banded over sparse: 0.7 at 10,200, 0.9 at 22,800, 1.05 at 29,200, 1.1 at 40,400, 1.4 at 63,000)."""
+"""Unknowns from which sparse Cholesky is taken in place of the banded one: CPU of an iteration, banded over sparse, was
+0.7 at 10,200, 0.94 at 22,800, 1.07 at 29,200, 1.5 at 63,000 (one thread, 2:1 body; the scale study times both)."""
 MULTIGRID_FROM = 100_000
 """Unknowns from which multigrid is tried before sparse Cholesky: a choice, on the side of the one that never iterates
 (the scale study times both, `make benchmark`). What multigrid takes moves with the design, 6 to 26 cycles for designs

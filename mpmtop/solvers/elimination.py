@@ -26,14 +26,14 @@ Passed = tuple[Array, Array]
 
 class Workplace(NamedTuple):
     """Where a front is eliminated: its `block`, L11 and behind it L21, (ns (ns + nb),), these two and its update as
-    LAPACK takes them, by columns, and what its children pass on: `first` what is the first at its place, copied at a
-    quarter of the price, then what is `added`."""
+    LAPACK takes them, by columns, and what its children pass on: what is the first at its place is `copied`, at a
+    quarter of the price, then the rest is `added`."""
 
     block: Array
     L11: Array
     L21: Array
     update: Array
-    first: Sequence[Passed]
+    copied: Sequence[Passed]
     added: Sequence[Passed]
 
 
@@ -46,16 +46,16 @@ def workplaces(fronts: Sequence[Front]) -> list[Workplace]:
         ns, nb = front.pivots, front.boundary
         block = shared[: ns * (ns + nb)]
         parts = block[: ns * ns].reshape(ns, ns), block[ns * ns :].reshape(ns, nb), update
-        first: list[Passed] = []
+        copied: list[Passed] = []
         added: list[Passed] = []
         filled: list[slice] = []  # lines of the update, by children before
         for child, blocks in front.children:
             for part, into, of in blocks:
                 met = part != UPDATE or all(any(_meet(lines, other) for other in filled) for lines in into)
-                (added if met else first).append((parts[part][into], updates[child][of]))
+                (added if met else copied).append((parts[part][into], updates[child][of]))
             filled += [into[0] for part, into, _ in blocks if part == UPDATE and into[0] == into[1]]
         L11, L21 = parts[0].T, parts[1].T
-        result.append(Workplace(block, L11, L21, update.T, first, added))
+        result.append(Workplace(block, L11, L21, update.T, copied, added))
     return result
 
 
@@ -89,11 +89,11 @@ def _updates(fronts: Sequence[Front]) -> list[Array]:
 def eliminate(fronts: Sequence[Front], at: Sequence[Workplace], entries: Array, values: Array) -> int | None:
     """Turn the entries of K, sorted by fronts, into the `values` of L, in double precision before they are stored; the
     unknown, by its place in the order, that has no positive pivot."""
-    for front, (block, L11, L21, update, first, added) in zip(fronts, at, strict=True):
+    for front, (block, L11, L21, update, copied, added) in zip(fronts, at, strict=True):
         block.fill(0)
         block[front.place] = entries[front.entries]
         update.fill(0)
-        for into, of in first:
+        for into, of in copied:
             into[:] = of
         for into, of in added:
             into += of

@@ -20,7 +20,7 @@ from mpmtop.filter import DensityFilter
 from mpmtop.optimizers import GCMMA, initial_state
 from mpmtop.problem import DesignProblem, Evaluation, Term, design_problem
 from mpmtop.scene import Scene
-from mpmtop.solvers import MultigridCG, Pattern, Solve, Solver, SparseCholesky, choose_solver
+from mpmtop.solvers import BandedCholesky, MultigridCG, Pattern, Solve, Solver, SparseCholesky, choose_solver
 from mpmtop.solvers.multigrid_cg import IteratedSolve
 from validation.bodies.scenes import SPACING, H, cantilever, l_bracket
 from validation.measures.timing import cpu_seconds, in_own_process
@@ -272,12 +272,14 @@ def run_of(nx: int, objective: str, iterations: int, solver: ChosenBy) -> tuple[
     return np.array([evaluation.objective for evaluation in done]), done[-1].rho
 
 
-def iteration_seconds(nx: int, repeats: int = 5) -> dict[str, float]:
-    """Unknowns, and median CPU seconds of an iteration of compliance after ten, by both solvers, taken in turn."""
-    solvers: dict[str, ChosenBy] = {"sparse": SparseCholesky, "multigrid": MultigridCG}
-    problems = {name: problem_of(nx, "compliance", solver) for name, solver in solvers.items()}
+SOLVERS: dict[str, ChosenBy] = {"banded": BandedCholesky, "sparse": SparseCholesky, "multigrid": MultigridCG}
+
+
+def iteration_seconds(nx: int, names: Iterable[str], repeats: int = 5) -> dict[str, float]:
+    """Unknowns, and median CPU seconds of an iteration of compliance after ten, by SOLVERS of these names in turn."""
+    problems = {name: problem_of(nx, "compliance", SOLVERS[name]) for name in names}
     runs = {name: evaluations(problem, "compliance") for name, problem in problems.items()}
     for run in runs.values():
         next(islice(run, 9, None))
     seconds = cpu_seconds({name: partial(next, run) for name, run in runs.items()}, repeats)
-    return {"unknowns": len(problems["sparse"].model.stiffness.dof)} | seconds
+    return {"unknowns": len(next(iter(problems.values())).model.stiffness.dof)} | seconds

@@ -19,7 +19,7 @@ import pytest
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 
-from mpmtop.solvers import MULTIGRID_FROM, BandedCholesky, MultigridCG, SparseCholesky
+from mpmtop.solvers import MULTIGRID_FROM, SPARSE_FROM, BandedCholesky, MultigridCG, SparseCholesky
 from validation.bodies.scenes import cantilever
 from validation.bodies.sketch import CHOSEN, opening
 from validation.harness.progress import ShowProgress
@@ -301,19 +301,23 @@ def test_multigrid_large(report: Report) -> None:
 
 @pytest.mark.benchmark
 def test_crossover(report: Report, progress: ShowProgress) -> None:
-    """Where multigrid overtakes sparse Cholesky
+    """Where one solver overtakes another
 
-    CPU seconds of an iteration of compliance by both solvers, taken in turn: medians of five, after ten iterations. The
+    CPU seconds of an iteration of compliance by two solvers, taken in turn: medians of five, after ten iterations. The
     solver is chosen by size: what counts is what the choice costs over the faster one.
     """
-    sizes = (400, 480, 560, 640, 800)
-    rows = [iteration_seconds(nx) for nx in progress(sizes, "sizes")]
-    table = pd.DataFrame(rows).set_index("unknowns")
-    report.timed.table("crossover", table, "CPU seconds of an iteration.", 3)
-    chosen = np.where(table.index >= MULTIGRID_FROM, table["multigrid"], table["sparse"])
-    report.timing(
-        f"CPU of an iteration by the chosen solver, multigrid from {MULTIGRID_FROM:,} unknowns on, over the faster "
-        "one's: the largest of all sizes",
-        float(np.max(chosen / table.min(axis=1))),
-        source="for comparison",
+    choices = (
+        ("banded", "sparse", SPARSE_FROM, (200, 260, 300, 340, 400, 500)),
+        ("sparse", "multigrid", MULTIGRID_FROM, (400, 480, 560, 640, 800)),
     )
+    for small, large, threshold, sizes in progress(choices, "choices"):
+        table = pd.DataFrame([iteration_seconds(nx, (small, large)) for nx in sizes]).set_index("unknowns")
+        table["ratio"] = table[small] / table[large]
+        report.timed.table(f"crossover_{large}", table, f"CPU seconds of an iteration, and {small} over {large}.", 3)
+        chosen = np.where(table.index >= threshold, table[large], table[small])
+        report.timing(
+            f"CPU of an iteration by the chosen solver, {large} from {threshold:,} unknowns on, over the faster one's: "
+            "the largest of all sizes",
+            float(np.max(chosen / table[[small, large]].min(axis=1))),
+            source="for comparison",
+        )
